@@ -1,0 +1,46 @@
+"""The values that flow from reader to report: frozen, validated once where they are made.
+
+file → `Frame` → `FrameBlock` → `StepTable` (a `StepReport` is one row) → `Alert`. `Strands` says which vertices form
+which strand and is constant over a run; `MonitorConfig` holds every knob.
+"""
+
+from mdtopo.records.alerts import Alert, AlertKind, Severity
+from mdtopo.records.config import Criterion, MonitorConfig, Motion
+from mdtopo.records.frames import Frame, FrameBlock
+from mdtopo.records.reference import ReferenceLengths
+from mdtopo.records.steps import (
+    BrokenEdge,
+    Column,
+    PairClass,
+    Reason,
+    Rung,
+    StepReport,
+    StepTable,
+    Stretches,
+    Verdict,
+)
+from mdtopo.records.strands import Gap, Strands, VertexLabels
+
+__all__ = [
+    "Alert",
+    "AlertKind",
+    "BrokenEdge",
+    "Column",
+    "Criterion",
+    "Frame",
+    "FrameBlock",
+    "Gap",
+    "MonitorConfig",
+    "Motion",
+    "PairClass",
+    "Reason",
+    "ReferenceLengths",
+    "Rung",
+    "Severity",
+    "StepReport",
+    "StepTable",
+    "Strands",
+    "Stretches",
+    "Verdict",
+    "VertexLabels",
+]

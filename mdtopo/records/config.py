@@ -1,0 +1,96 @@
+"""Every knob of a run, in one record that is written into the results file."""
+
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal, TypeAlias, get_args
+
+from mdtopo.errors import OptionError
+from mdtopo.typing import JsonObject
+
+Motion: TypeAlias = Literal["rigid", "lab"]
+Criterion: TypeAlias = Literal["pair", "nu", "clearance"]
+
+
+def _knob(default: Any, help_text: str, *, least: float | None = None) -> Any:
+    return field(default=default, metadata={"help": help_text, "least": least})
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorConfig:
+    """Every knob of a run; each field's metadata says in words what it does.
+
+    Raises
+    ------
+    OptionError
+        If a value is out of its range.
+
+    Examples
+    --------
+    >>> MonitorConfig(motion="lab").motion
+    'lab'
+    """
+
+    motion: Motion = _knob(
+        "rigid", "path that is certified: 'rigid' takes one common rigid motion out of each step, 'lab' takes none"
+    )
+    criterion: Criterion = _knob(
+        "pair",
+        "what makes a step near-limit: 'pair' (sharp ratio of a pair), 'nu' (the paper's 2m/nu) or "
+        "'clearance' (in Å)",
+    )
+    near_limit: float = _knob(
+        0.8, "a step is near-limit from this ratio on (criterion pair, nu), or up to this clearance in Å", least=0.0
+    )
+    stretch_limit: float = _knob(
+        1.2, "an edge is stretched from this multiple of its reference length on", least=1.0
+    )
+    stretch_spreads: float = _knob(
+        10.0, "and only when this many standard deviations longer than the run's first edges", least=0.0
+    )
+    fracture_limit: float = _knob(
+        1.5, "an edge counts as broken from this multiple of its reference length on", least=1.0
+    )
+    fracture_spreads: float = _knob(
+        15.0, "and only when this many standard deviations longer than the run's first edges", least=0.0
+    )
+    fracture_frames: int = _knob(3, "for this many analysed frames in a row", least=1)
+    reference_frames: int = _knob(
+        10, "reference lengths are medians over this many first frames of the trajectory", least=1
+    )
+    merge_steps: int = _knob(
+        1, "alerts of one kind are one event when at most this many quiet steps lie between them", least=0
+    )
+    coordinate_error: float | None = _knob(
+        None, "coordinate error η per atom in Å; by default what the reader knows of the file format", least=0.0
+    )
+    block_steps: int = _knob(64, "steps that are read and measured together", least=1)
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("motion", Motion), ("criterion", Criterion)):
+            if getattr(self, name) not in get_args(allowed):
+                choices = ", ".join(get_args(allowed))
+                raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of: {choices}.")
+        for knob in fields(self):
+            least, value = knob.metadata["least"], getattr(self, knob.name)
+            if least is not None and value is not None and not value >= least:
+                raise OptionError(f"{knob.name} is {value}; it must be at least {least:g}.")
+
+    @classmethod
+    def from_mapping(cls, values: JsonObject) -> "MonitorConfig":
+        """Return the configuration of a mapping; keys that are left out keep their default.
+
+        Raises
+        ------
+        OptionError
+            If a key is not the name of a knob, or a value is out of range.
+        """
+        known = {knob.name for knob in fields(cls)}
+        unknown = sorted(set(values) - known)
+        if unknown:
+            raise OptionError(
+                f"Unknown configuration key {unknown[0]!r}; the keys are: {', '.join(sorted(known))}."
+            )
+        return cls(**values)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return all knobs as plain values, ready for JSON."""
+        return asdict(self)

@@ -1,0 +1,241 @@
+"""What was measured in each step: columns for a block of steps, and one row as an object."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.typing import Codes, Indices, Lengths, Points, Ratios, Times
+
+
+class Verdict(IntEnum):
+    """The answer for one step. Zero is UNRESOLVED, so that memory nobody filled certifies nothing."""
+
+    UNRESOLVED = 0
+    CERTIFIED = 1
+    CROSSING = 2
+
+
+class Rung(IntEnum):
+    """The rule of the ladder that settled a pair or a step (DESIGN 3.1); OPEN where none did."""
+
+    BALL = 0
+    TWO_FRAME_BALL = 1
+    BROAD_PHASE = 2
+    RELATIVE_MOTION = 3
+    DIRECTION = 4
+    HULL = 5
+    BISECTION = 6
+    EXACT = 7
+    OPEN = 8
+
+
+class PairClass(IntEnum):
+    """How the two members of a pair lie on their strands; NONE where there is no pair."""
+
+    NONE = -1
+    LOCAL = 0
+    SELF = 1
+    INTER = 2
+
+
+class Reason(IntEnum):
+    """Why a step is UNRESOLVED."""
+
+    NONE = 0
+    LADDER = 1
+    BAD_DATA = 2
+    CELL = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Name, unit and meaning of one column of the step table; `enum` where its values are codes."""
+
+    name: str
+    unit: str
+    description: str
+    enum: type[IntEnum] | None
+
+
+def _column(unit: str, description: str, enum: type[IntEnum] | None = None) -> Any:
+    return field(metadata={"unit": unit, "description": description, "enum": enum})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretches:
+    """Edges that were longer than their stretch limit, one row for each edge and step (at the step's end frame).
+
+    Attributes
+    ----------
+    step : ndarray of int, shape (m,)
+    edge : ndarray of int, shape (m, 2)
+        Vertex indices in strand order.
+    ratio, limit : ndarray, shape (m,)
+        Length over reference length, and the ratio from which on the edge counts as stretched.
+    """
+
+    step: Indices
+    edge: Indices
+    ratio: Ratios
+    limit: Ratios
+
+    @classmethod
+    def none(cls) -> "Stretches":
+        """Return a table without rows."""
+        empty = np.empty(0, dtype=np.int64)
+        return cls(empty, np.empty((0, 2), dtype=np.int64), np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenEdge:
+    """An edge that was beyond its fracture limit for several frames, and is no edge from this step on.
+
+    Attributes
+    ----------
+    step, frame : int
+        The step whose end frame settled it, and that frame. Steps after this one are measured without the edge.
+    edge : tuple of int
+        Its two vertices, in strand order.
+    ratio, limit : float
+        Length over reference length in that frame, and the fracture limit as such a ratio.
+    """
+
+    step: int
+    frame: int
+    edge: tuple[int, int]
+    ratio: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepTable:
+    """The columns of consecutive steps, one array each; row i is step ``first_step + i``.
+
+    Field metadata hold the unit and the meaning of each column, as the results file does. Values of steps that could
+    not be measured are NaN, and their indices -1.
+    """
+
+    first_step: int
+    stretches: Stretches
+    broken: tuple[BrokenEdge, ...]
+    problems: tuple[str, ...]
+
+    frame_t0: Indices = _column("", "frame index at the step's start")
+    frame_t1: Indices = _column("", "frame index at the step's end")
+    time_t0: Times = _column("ps", "time at the step's start")
+    time_t1: Times = _column("ps", "time at the step's end")
+    displacement_max: Lengths = _column(
+        "Å", "greatest displacement of a vertex, the step's common rigid motion removed"
+    )
+    displacement_vertex: Indices = _column("", "the vertex that moved most")
+    rotation_angle: NDArray[np.float64] = _column("degree", "angle of the rigid motion that was removed")
+    translation: Points = _column("Å", "shift of the centroid that was removed, shape (n, 3)")
+    nu: Lengths = _column(
+        "Å", "the paper's PL separation ν at the step's start: least distance of disjoint vertices and edges"
+    )
+    nu_pair: Indices = _column(
+        "", "the pair that is closest at the start, as [[a, b], [c, d]]; a = b for a vertex, shape (n, 2, 2)"
+    )
+    nu_class: Codes = _column("", "class of the pair that is closest at the start", PairClass)
+    nu_ratio: Ratios = _column("", "2 x displacement_max over nu: the paper's comparison, limit 1")
+    nu_margin: Lengths = _column("Å", "nu/2 - displacement_max")
+    pair_ratio: Ratios = _column(
+        "", "greatest relative displacement over summed distances of a pair, limit 1 (pairs within reach)"
+    )
+    pair_ratio_pair: Indices = _column("", "the pair with the greatest pair_ratio, shape (n, 2, 2)")
+    clearance: Lengths = _column("Å", "proven lower bound on the distance of any tested pair during the step")
+    clearance_pair: Indices = _column("", "the pair with the least clearance, shape (n, 2, 2)")
+    clearance_local: Lengths = _column("Å", "clearance of pairs with one edge between them on their strand")
+    clearance_self: Lengths = _column("Å", "clearance of pairs of one strand that are further apart on it")
+    clearance_inter: Lengths = _column("Å", "clearance of pairs of different strands")
+    bond_stretch: Ratios = _column("", "greatest edge length over its reference length, at the step's end")
+    bond_stretch_edge: Indices = _column("", "the edge that is stretched most, shape (n, 2)")
+    certifiable_interval: Times = _column(
+        "ps", "frame spacing at which pair_ratio would reach 1 if displacements grew in proportion to it (heuristic)"
+    )
+    verdict: Codes = _column("", "CERTIFIED, CROSSING or UNRESOLVED", Verdict)
+    rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)
+    reason: Codes = _column("", "why the step is UNRESOLVED", Reason)
+    rung_pairs: Indices = _column("", "candidate pairs settled by each rung; the last is open, shape (n, 9)")
+
+    def __len__(self) -> int:
+        return len(self.frame_t0)
+
+    @classmethod
+    def columns(cls) -> Iterator[Column]:
+        """Yield name, unit, meaning and enum of every column, in the order of the results file."""
+        for entry in fields(cls):
+            if "unit" in entry.metadata:
+                yield Column(entry.name, **entry.metadata)
+
+    def report(self, row: int) -> "StepReport":
+        """Return one row as an object."""
+        values = {c.name: _scalar(getattr(self, c.name)[row], c.enum) for c in self.columns()}
+        return StepReport(step=self.first_step + row, problem=self.problems[row], **values)
+
+    def reports(self) -> Iterator["StepReport"]:
+        """Yield every row as an object, in step order."""
+        return (self.report(row) for row in range(len(self)))
+
+
+def _scalar(value: Any, enum: type[IntEnum] | None) -> Any:
+    if enum is not None:
+        return enum(int(value))
+    return value.copy() if isinstance(value, np.ndarray) else value.item()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepReport:
+    """What was measured in one step: a row of a `StepTable`, whose field metadata give unit and meaning.
+
+    Attributes
+    ----------
+    step : int
+        0-based; step k is the motion from analysed frame k to the next one.
+    problem : str
+        What is wrong with one of the step's frames, in words; empty where nothing is.
+    """
+
+    step: int
+    problem: str
+    frame_t0: int
+    frame_t1: int
+    time_t0: float
+    time_t1: float
+    displacement_max: float
+    displacement_vertex: int
+    rotation_angle: float
+    translation: NDArray[np.float64]
+    nu: float
+    nu_pair: Indices
+    nu_class: PairClass
+    nu_ratio: float
+    nu_margin: float
+    pair_ratio: float
+    pair_ratio_pair: Indices
+    clearance: float
+    clearance_pair: Indices
+    clearance_local: float
+    clearance_self: float
+    clearance_inter: float
+    bond_stretch: float
+    bond_stretch_edge: Indices
+    certifiable_interval: float
+    verdict: Verdict
+    rung: Rung
+    reason: Reason
+    rung_pairs: Indices
+
+    @property
+    def frames(self) -> tuple[int, int]:
+        """The two frames that the step joins."""
+        return self.frame_t0, self.frame_t1
+
+    @property
+    def times(self) -> tuple[float, float]:
+        """Their times in ps."""
+        return self.time_t0, self.time_t1
