@@ -20,6 +20,7 @@ from mdtopo.records.steps import (
     Verdict,
 )
 from mdtopo.records.strands import Gap, Strands, VertexLabels
+from mdtopo.records.traces import Traces
 
 __all__ = [
     "Alert",
@@ -41,6 +42,7 @@ __all__ = [
     "StepTable",
     "Strands",
     "Stretches",
+    "Traces",
     "Verdict",
     "VertexLabels",
 ]

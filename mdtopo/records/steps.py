@@ -20,7 +20,7 @@ class Verdict(IntEnum):
 
 
 class Rung(IntEnum):
-    """The rule of the ladder that settled a pair or a step (DESIGN 3.1); OPEN where none did."""
+    """The rule of the ladder that settled a pair or a step ; OPEN where none did."""
 
     BALL = 0
     TWO_FRAME_BALL = 1

@@ -1,0 +1,166 @@
+"""d*: the distance of the origin to a convex hull, with the direction that proves it.
+
+A bounded set V lies in the open half space w·v > 0 for some w exactly when the origin is outside conv V, and the best
+such w is the hull's point of least norm. That point is found by the algorithm of Gilbert, Johnson and Keerthi (1988):
+keep a simplex of at most four points, project the origin onto it, add the point that is furthest towards the origin,
+until none lies deeper than the projection.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.geometry.distances import DUAL_ERROR
+from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
+
+MAX_ITERATIONS = 64
+"""GJK ends in a few rounds; a set that is degenerate in rounding may cycle, and is then left with a valid direction."""
+
+PROGRESS = 1e-14
+"""Relative progress in |w|² under which rounding, not geometry, moves the projection."""
+
+
+@njit(cache=True, nogil=True)
+def nearest_on_segment(a: Vector, b: Vector) -> tuple[Vector, int]:
+    """Return the point of the segment (a, b) nearest to the origin, and which ends carry it (bits 1, 2)."""
+    d = subtract(b, a)
+    along, length = -dot(a, d), dot(d, d)
+    if along <= 0.0 or length == 0.0:
+        return a, 1
+    if along >= length:
+        return b, 2
+    return add(a, scale(along / length, d)), 3
+
+
+@njit(cache=True, nogil=True)
+def nearest_on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[Vector, int]:
+    """Return the point of a triangle nearest to the origin, and which corners carry it (bits 1, 2, 4)."""
+    normal = cross(subtract(b, a), subtract(c, a))
+    size = dot(normal, normal)
+    if size > 0.0:
+        inside_ab = dot(cross(a, b), normal) >= 0.0
+        inside_bc = dot(cross(b, c), normal) >= 0.0
+        inside_ca = dot(cross(c, a), normal) >= 0.0
+        if inside_ab and inside_bc and inside_ca:
+            return scale(dot(a, normal) / size, normal), 7
+    best, mask = nearest_on_segment(a, b)
+    other, bits = nearest_on_segment(b, c)
+    if dot(other, other) < dot(best, best):
+        best, mask = other, bits << 1
+    other, bits = nearest_on_segment(a, c)
+    if dot(other, other) < dot(best, best):
+        best, mask = other, (bits & 1) | ((bits & 2) << 1)
+    return best, mask
+
+
+@njit(cache=True, nogil=True)
+def _same_side(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
+    """Return whether the origin lies on d's side of the plane (a, b, c)."""
+    normal = cross(subtract(b, a), subtract(c, a))
+    towards_origin, towards_d = -dot(normal, a), dot(normal, subtract(d, a))
+    return towards_origin * towards_d > 0.0
+
+
+@njit(cache=True, nogil=True)
+def nearest_on_tetrahedron(a: Vector, b: Vector, c: Vector, d: Vector) -> tuple[Vector, int]:
+    """Return the point of a tetrahedron nearest to the origin, and which corners carry it (bits 1, 2, 4, 8)."""
+    if _same_side(a, b, c, d) and _same_side(a, b, d, c) and _same_side(a, c, d, b) and _same_side(b, c, d, a):
+        return (0.0, 0.0, 0.0), 15
+    best, mask = nearest_on_triangle(a, b, c)
+    other, bits = nearest_on_triangle(a, b, d)
+    if dot(other, other) < dot(best, best):
+        best, mask = other, (bits & 3) | ((bits & 4) << 1)
+    other, bits = nearest_on_triangle(a, c, d)
+    if dot(other, other) < dot(best, best):
+        best, mask = other, (bits & 1) | ((bits & 6) << 1)
+    other, bits = nearest_on_triangle(b, c, d)
+    if dot(other, other) < dot(best, best):
+        best, mask = other, bits << 1
+    return best, mask
+
+
+@njit(cache=True, nogil=True)
+def _project(simplex: NDArray[np.float64], count: int) -> tuple[Vector, int]:
+    a = row(simplex, 0)
+    if count == 1:
+        return a, 1
+    if count == 2:
+        return nearest_on_segment(a, row(simplex, 1))
+    if count == 3:
+        return nearest_on_triangle(a, row(simplex, 1), row(simplex, 2))
+    return nearest_on_tetrahedron(a, row(simplex, 1), row(simplex, 2), row(simplex, 3))
+
+
+@njit(cache=True, nogil=True)
+def _deepest(points: NDArray[np.float64], w: Vector) -> int:
+    """Return the index of the point with the least w·v."""
+    best, least = 0, np.inf
+    for i in range(points.shape[0]):
+        depth = dot(w, row(points, i))
+        if depth < least:
+            best, least = i, depth
+    return best
+
+
+@njit(cache=True, nogil=True)
+def least_norm_point(points: NDArray[np.float64]) -> Vector:
+    """Return the point of conv(points) nearest to the origin; heuristic in its last digits.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        At least one point. A plane set has its third coordinate 0.
+    """
+    simplex = np.empty((4, 3))
+    simplex[0] = points[0]
+    count, w = 1, row(points, 0)
+    for _ in range(MAX_ITERATIONS):
+        squared = dot(w, w)
+        v = row(points, _deepest(points, w))
+        if squared == 0.0 or squared - dot(w, v) <= PROGRESS * squared or count == 4:
+            break
+        simplex[count] = v
+        nearer, mask = _project(simplex, count + 1)
+        if dot(nearer, nearer) >= squared * (1.0 - PROGRESS):
+            break
+        kept = 0
+        for corner in range(count + 1):
+            if mask >> corner & 1:
+                simplex[kept] = simplex[corner]
+                kept += 1
+        count, w = kept, nearer
+    return w
+
+
+@njit(cache=True, nogil=True)
+def direction_bound(points: NDArray[np.float64], w: Vector) -> float:
+    """Return min over the points of w·v/|w|, less its rounding error, Å.
+
+    Guarantee
+    ---------
+    Proven: the origin is at least this far from conv(points), whatever w is; negative or 0 proves nothing.
+    """
+    length = norm(w)
+    if length == 0.0:
+        return 0.0
+    least, greatest = np.inf, 0.0
+    for i in range(points.shape[0]):
+        v = row(points, i)
+        least, greatest = min(least, dot(w, v)), max(greatest, dot(v, v))
+    return least / length - DUAL_ERROR * np.sqrt(greatest)
+
+
+@njit(cache=True, nogil=True)
+def hull_distance(points: NDArray[np.float64]) -> float:
+    """Return d*: a lower bound of the distance of the origin to conv(points), Å, sharp to rounding.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        At least one point.
+
+    Guarantee
+    ---------
+    Proven: never above the true distance. 0 or negative where the origin is in the hull, or too close to it to tell.
+    """
+    return direction_bound(points, least_norm_point(points))
