@@ -1,0 +1,228 @@
+"""Opens files with MDAnalysis, or says in one sentence why it cannot."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+from mdtopo.errors import (
+    InputError,
+    MissingDependencyError,
+    MissingFileError,
+    TrajectoryError,
+    UnknownFormatError,
+)
+from mdtopo.readers.base import Source
+from mdtopo.readers.mdanalysis.options import Options
+from mdtopo.readers.mdanalysis.truncation import dcd_size
+from mdtopo.readers.mdanalysis.warnings_log import mdanalysis_warnings_logged, one_line
+
+ATOM_COUNT = re.compile(r"number of atoms|n_atoms|natoms", re.IGNORECASE)
+"""How MDAnalysis speaks of atom counts that differ."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """A Universe with coordinates.
+
+    Attributes
+    ----------
+    universe : MDAnalysis.Universe
+        The Universe.
+    group : MDAnalysis.AtomGroup or None
+        The atoms that the caller passed; None for all of them.
+    title : str
+        What to call the trajectory in a message.
+    n_frames : int
+        Number of frames; the one counts too within which a file that was cut off ends.
+    is_ours : bool
+        Whether the files were opened here, and have to be closed here.
+    notes : tuple of str
+        What a user should know of the files.
+    """
+
+    universe: Any
+    group: Any
+    title: str
+    n_frames: int
+    is_ours: bool
+    notes: tuple[str, ...] = ()
+
+
+def open_object(source: Source) -> Opened:
+    """Return a Universe or AtomGroup, ready to be read where it is.
+
+    Raises
+    ------
+    InputError
+        If it has no coordinates.
+    """
+    universe = source.object.universe
+    trajectory = getattr(universe, "trajectory", None)
+    if trajectory is None:
+        raise InputError(f"{source.title} has no coordinates; load a trajectory into its Universe first.")
+    is_group = source.object is not universe and len(source.object) < len(universe.atoms)
+    notes: tuple[str, ...] = ()
+    if type(source.object).__name__.startswith("Updating"):
+        notes = ("The group updates itself: the atoms that it holds now are taken for the whole run.",)
+    group = source.object.unique if is_group else None
+    return Opened(universe, group, source.title, int(trajectory.n_frames), False, notes)
+
+
+def open_files(source: Source, options: Options) -> Opened:
+    """Return the Universe of a topology file and trajectory parts.
+
+    Raises
+    ------
+    UnknownFormatError
+        If MDAnalysis knows no format of that name or extension.
+    MissingDependencyError
+        If a format needs a package that is not installed.
+    TrajectoryError
+        If a trajectory cannot be read, is empty, or has another number of atoms than the topology.
+    InputError
+        If the topology cannot be read, or holds no coordinates and no trajectory was given.
+    """
+    topology, parts = source.paths[0], source.paths[1:]
+    for path in source.paths:
+        _refuse_unusable(path)
+    _refuse_unknown(topology, options.topology_format, is_topology=True)
+    for path in parts:
+        _refuse_unknown(path, options.format, is_topology=False)
+    universe = _loaded_topology(topology, parts, options)
+    if parts:
+        _load_trajectory(universe, parts, options)
+    elif getattr(universe, "trajectory", None) is None:
+        raise InputError(f"{topology} holds no coordinates; pass a trajectory file after it.")
+    n_frames, notes = _length(universe.trajectory)
+    title = " + ".join(str(path) for path in parts or (topology,))
+    if n_frames < 1:
+        raise TrajectoryError(f"{title} holds no frames.")
+    return Opened(universe, None, title, n_frames, True, notes + _unit_notes(topology, parts, options))
+
+
+def _refuse_unusable(path: Path) -> None:
+    if not path.exists():
+        raise MissingFileError(f"{path} does not exist.")
+    if path.is_file() and path.stat().st_size == 0:
+        raise TrajectoryError(f"{path} is empty.")
+
+
+def _refuse_unknown(path: Path, name: str | None, *, is_topology: bool) -> None:
+    from MDAnalysis.core._get_readers import get_parser_for, get_reader_for
+
+    find, option = (get_parser_for, "topology_format") if is_topology else (get_reader_for, "format")
+    kind = "topology" if is_topology else "trajectory"
+    try:
+        with mdanalysis_warnings_logged(str(path)):
+            find(str(path), format=name)
+    except (ValueError, TypeError, KeyError) as error:
+        found = f"the format {name!r}" if name else f"the extension {path.suffix!r} of {path}"
+        raise UnknownFormatError(
+            f"MDAnalysis knows no {kind} format for {found}; name one with the reader option {option}."
+        ) from error
+
+
+def _loaded_topology(topology: Path, parts: Sequence[Path], options: Options) -> Any:
+    import MDAnalysis
+
+    chosen = options.chosen("topology_format", "atom_style")
+    if not parts:  # the topology file is the trajectory as well
+        chosen |= _trajectory_options(options) | options.chosen("format")
+    if options.guess_bonds:
+        chosen["to_guess"] = ("types", "masses", "bonds")
+    try:
+        with mdanalysis_warnings_logged(str(topology)):
+            return MDAnalysis.Universe(str(topology), **chosen)
+    except Exception as error:
+        _refuse(error, f"{topology} cannot be read as a topology", InputError)
+
+
+def _load_trajectory(universe: Any, parts: Sequence[Path], options: Options) -> None:
+    chosen = _trajectory_options(options)
+    names = [str(path) for path in parts]
+    several: Any = [(name, options.format) for name in names] if options.format else names
+    if options.continuous:
+        chosen["continuous"] = True
+    title = " + ".join(names)
+    try:
+        with mdanalysis_warnings_logged(title):
+            if len(names) > 1 or options.continuous:
+                universe.load_new(several, **chosen)
+            else:
+                universe.load_new(names[0], format=options.format, **chosen)
+    except Exception as error:
+        if isinstance(error, ValueError) and ATOM_COUNT.search(str(error)):
+            _refuse_counts(error, universe, parts, options)
+        _refuse(error, f"{title} cannot be read as a trajectory", TrajectoryError)
+
+
+def _trajectory_options(options: Options) -> dict[str, Any]:
+    chosen = options.chosen("dt", "time_offset", "lengthunit", "timeunit")
+    return chosen if options.convert_units else {**chosen, "convert_units": False}
+
+
+def _refuse_counts(error: Exception, universe: Any, parts: Sequence[Path], options: Options) -> None:
+    """Raise with both numbers of atoms if a part's differs from the topology's."""
+    from MDAnalysis.core._get_readers import get_reader_for
+
+    expected = len(universe.atoms)
+    for path in parts:
+        try:
+            with mdanalysis_warnings_logged(str(path)):
+                found = int(get_reader_for(str(path), format=options.format).parse_n_atoms(str(path)))
+        except Exception:
+            continue  # a format that does not say; the message of MDAnalysis has to do
+        if found != expected:
+            raise TrajectoryError(
+                f"{path} has {found} atoms, but the topology {universe.filename} has {expected}; "
+                "pass the topology that the trajectory was written with."
+            ) from error
+
+
+def _refuse(error: Exception, what: str, kind: type[InputError]) -> NoReturn:
+    if isinstance(error, ImportError):
+        raise MissingDependencyError(f"{what}: {one_line(error)}. Install what is missing.") from error
+    raise kind(f"{what}: {one_line(error).rstrip('.')}.") from error
+
+
+def _length(trajectory: Any) -> tuple[int, tuple[str, ...]]:
+    """Return the number of frames, and notes where a DCD is shorter than its header declares.
+
+    The frame within which a DCD ends counts too: reading then ends with an error there, and not silently before.
+    """
+    held, notes = int(trajectory.n_frames), []
+    readers = getattr(trajectory, "readers", [trajectory])
+    for reader in readers:
+        path = Path(str(reader.filename))
+        size = dcd_size(path) if path.is_file() else None
+        whole = int(reader.n_frames)
+        if size is not None and size.spare_bytes:
+            if reader is not readers[-1]:
+                raise TrajectoryError(
+                    f"{path} ends within frame {whole}: it was cut off, and it is not the last part."
+                )
+            held += 1
+        elif size is not None and size.declared > whole:
+            notes.append(f"The header of {path} declares {size.declared} frames, but the file holds {whole}.")
+    return held, tuple(notes)
+
+
+def _unit_notes(topology: Path, parts: Sequence[Path], options: Options) -> tuple[str, ...]:
+    """Return what units a LAMMPS model has in other programs' formats."""
+    if (options.topology_format or topology.suffix[1:]).upper() != "DATA":
+        return ()
+    formats = {(options.format or path.suffix[1:]).upper() for path in parts}
+    notes = []
+    if "DCD" in formats and options.dt is None:
+        notes.append(
+            "A DCD of LAMMPS does not say its units: lengths are taken as stored, and times mean nothing; "
+            "pass dt, or format=LAMMPS with timeunit."
+        )
+    if formats & {"XTC", "TRR"} and options.convert_units:
+        notes.append(
+            "An XTC or TRR file counts in nm: lengths are ten times those of the LAMMPS model, "
+            "unless convert_units=no is passed."
+        )
+    return tuple(notes)

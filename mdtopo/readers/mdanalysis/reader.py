@@ -1,0 +1,227 @@
+"""The reader itself: strands once, then frames by index."""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from mdtopo.errors import InputError, MdtopoError, SelectionError, TrajectoryError
+from mdtopo.readers.base import Reader, ReaderRequest, Source
+from mdtopo.readers.mdanalysis.atoms import atom_table, default_trace
+from mdtopo.readers.mdanalysis.opening import Opened, open_files, open_object
+from mdtopo.readers.mdanalysis.options import OPTION_HELP, Options
+from mdtopo.readers.mdanalysis.precision import coordinate_error
+from mdtopo.readers.mdanalysis.warnings_log import mdanalysis_warnings_logged, one_line
+from mdtopo.records import Frame, Strands
+from mdtopo.strands import Traces, strands_from_atoms
+from mdtopo.typing import Cell, Indices
+
+
+class MDAnalysisReader(Reader):
+    """Frames and strands of whatever MDAnalysis opens.
+
+    A Universe or AtomGroup is read where it is: its current frame moves while frames are read, and is put
+    back when the reading ends. An AtomGroup that is not the whole Universe is the selection, unless another
+    one is asked of it.
+
+    Notes
+    -----
+    Frames are read by index and never by iteration, which ends silently at a frame that cannot be read. One
+    thread may read at a time.
+    """
+
+    option_help: ClassVar[Mapping[str, str]] = OPTION_HELP
+    summary: ClassVar[str] = "PSF, PDB, GRO, TPR, DATA, DCD, XTC, TRR, NC and more; Universe, AtomGroup"
+
+    def __init__(
+        self, opened: Opened, indices: Indices, traces: Traces, error: float, notes: Sequence[str]
+    ) -> None:
+        self._opened = opened
+        self._indices = indices
+        self._strands = traces.strands
+        self._error = error
+        self._notes = tuple(notes)
+        self._is_closed = False
+
+    @classmethod
+    def can_open(cls, source: Source) -> bool:
+        """Return whether the source is files or an object of MDAnalysis; formats are judged on opening."""
+        if source.object is None:
+            return bool(source.paths)
+        mdanalysis = sys.modules.get("MDAnalysis")  # who passes its object has imported it
+        return mdanalysis is not None and isinstance(
+            source.object, (mdanalysis.Universe, mdanalysis.AtomGroup)
+        )
+
+    @classmethod
+    def open(cls, source: Source, request: ReaderRequest) -> Self:
+        """Open the source and find its strands.
+
+        Raises
+        ------
+        InputError
+            As one of its subclasses: `OptionError`, `MissingFileError`, `MissingDependencyError`,
+            `UnknownFormatError`, `TrajectoryError`, `SelectionError` or `StrandError`.
+        """
+        options = Options.from_mapping(request.options, is_file=source.object is None)
+        if request.strands is not None:
+            raise InputError(f"{source.title} tells its strands itself; use `select` to choose among them.")
+        opened = open_files(source, options) if source.object is None else open_object(source)
+        try:
+            return cls._traced(opened, request, options)
+        except MdtopoError:
+            _release(opened)
+            raise
+
+    @classmethod
+    def _traced(cls, opened: Opened, request: ReaderRequest, options: Options) -> Self:
+        group, notes = _selected(opened, request.select)
+        table = atom_table(group)
+        with _Position(opened.universe.trajectory, opened.is_ours):
+            first = read_frame(opened, 0, group.ix)
+            largest = float(np.nanmax(np.abs(first.positions), initial=0.0))
+            error = coordinate_error(opened.universe.trajectory, largest)
+        traces = strands_from_atoms(
+            table,
+            first.positions,
+            first.cell,
+            cut=options.cut,
+            use_bonds=options.use_bonds,
+            close_ends=options.close_ends,
+        )
+        if first.cell is None:
+            notes.append("There is no periodic box in the first frame.")
+        indices = group.ix[traces.order].astype(np.int64)
+        return cls(opened, indices, traces, error, [*opened.notes, *notes, *traces.notes])
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames; the one counts too within which a file that was cut off ends."""
+        return self._opened.n_frames
+
+    @property
+    def strands(self) -> Strands:
+        """The strands of the selected atoms."""
+        return self._strands
+
+    @property
+    def coordinate_error(self) -> float:
+        """η by the trajectory's format, Å; the share of float32 from the first frame's largest coordinate."""
+        return self._error
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What was selected, left out or assumed."""
+        return self._notes
+
+    def frames(
+        self, start: int | None = None, stop: int | None = None, step: int | None = None
+    ) -> Iterator[Frame]:
+        """Yield the frames of a Python slice, in order; every frame owns its arrays.
+
+        Raises
+        ------
+        TrajectoryError
+            When a frame cannot be read, or the reader is closed.
+        """
+        if self._is_closed:
+            raise TrajectoryError(f"{self._opened.title} is closed; open it again.")
+        with _Position(self._opened.universe.trajectory, self._opened.is_ours):
+            for index in range(self.n_frames)[start:stop:step]:
+                yield read_frame(self._opened, index, self._indices)
+
+    def close(self) -> None:
+        """Close the files; those of a Universe that was passed stay open."""
+        if not self._is_closed:
+            self._is_closed = True
+            _release(self._opened)
+
+
+class _Position:
+    """Puts a trajectory that belongs to somebody else back to its frame."""
+
+    def __init__(self, trajectory: Any, is_ours: bool) -> None:
+        self._trajectory, self._frame = trajectory, None if is_ours else int(trajectory.frame)
+
+    def __enter__(self) -> None:
+        return
+
+    def __exit__(self, *_: object) -> None:
+        if self._frame is not None:
+            with mdanalysis_warnings_logged("the Universe"):
+                self._trajectory[self._frame]
+
+
+def _release(opened: Opened) -> None:
+    if opened.is_ours:
+        opened.universe.trajectory.close()
+
+
+def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
+    """Return the selected atoms in file order, and in words what was taken where nothing was asked for."""
+    if select is None:
+        if opened.group is not None:
+            return opened.group, []
+        group, words = default_trace(opened.universe)
+        if not len(group):
+            raise SelectionError(
+                f"{opened.title} has none of the default trace atoms ({words}); pass a selection."
+            )
+        return group, [f"The trace is the default one: {words}."]
+    within = opened.universe.atoms if opened.group is None else opened.group
+    try:
+        with mdanalysis_warnings_logged(opened.title):
+            group = within.select_atoms(select)
+    except Exception as error:
+        raise SelectionError(
+            f"The selection {select!r} is malformed, or asks for what the topology does not hold: "
+            f"{one_line(error).rstrip('.')}."
+        ) from error
+    if not len(group):
+        raise SelectionError(
+            f"The selection {select!r} matches none of the {len(within)} atoms; check names with "
+            "'mdtopo doctor', or leave it out for the default trace."
+        )
+    return group, []
+
+
+def read_frame(opened: Opened, index: int, indices: Indices) -> Frame:
+    """Return one frame of the given atoms.
+
+    Raises
+    ------
+    TrajectoryError
+        If the frame cannot be read; names the file and the frame.
+    """
+    trajectory = opened.universe.trajectory
+    held = int(trajectory.n_frames)
+    if index >= held:
+        raise TrajectoryError(
+            f"{opened.title} ends within frame {index}: the file was cut off. "
+            f"Read the {held} frames before with the frame range :{held}."
+        )
+    try:
+        with mdanalysis_warnings_logged(opened.title):
+            step = trajectory[index]
+            positions = step.positions[indices].astype(np.float64)
+            cell, time = _cell(step.dimensions), float(step.time)
+    except Exception as error:
+        raise TrajectoryError(
+            f"Frame {index} of {opened.title} cannot be read: {one_line(error).rstrip('.')}. "
+            f"The file is damaged or cut off; read the frames before it with the frame range :{index}."
+        ) from error
+    return Frame(index, time, np.ascontiguousarray(positions), cell)
+
+
+def _cell(dimensions: Any) -> Cell | None:
+    """Return the lattice vectors of a box; None where there is none, NaN where it is no box."""
+    if dimensions is None or not np.any(dimensions[:3]):
+        return None
+    from MDAnalysis.lib.mdamath import triclinic_vectors
+
+    if np.isfinite(dimensions).all():
+        cell: Cell = triclinic_vectors(dimensions, dtype=np.float64)
+        if cell.any():  # MDAnalysis answers with zeros to angles or lengths that form no box
+            return cell
+    return np.full((3, 3), np.nan)
