@@ -214,7 +214,7 @@ def test_only_the_readers_that_are_asked_are_imported(site, table):
         ("BrokenReader = int", "<class 'int'> is not a subclass of mdtopo.readers.Reader"),
         ("BrokenReader = 5", "5 is not a subclass of mdtopo.readers.Reader"),
         (
-            "from mdtopo.readers import Reader\nclass BrokenReader(Reader):\n    n_frames = strands = frames = 0",
+            "from mdtopo.readers import Reader\nclass BrokenReader(Reader): frames = strands = n_frames = 0",
             "it does not define can_open, close, coordinate_error, open",
         ),
     ],

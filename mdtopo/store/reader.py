@@ -1,0 +1,206 @@
+"""Reading a results file."""
+
+import json
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.errors import InputError, MissingFileError
+from mdtopo.records import (
+    Alert,
+    AlertKind,
+    BrokenEdge,
+    Gap,
+    ReferenceLengths,
+    Severity,
+    Strands,
+    VertexLabels,
+)
+from mdtopo.store.schema import ALERTS, BROKEN, SCHEMA, TEXT
+from mdtopo.typing import JsonObject
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Results:
+    """What a results file holds.
+
+    Attributes
+    ----------
+    schema : int
+        Number of the file's layout.
+    complete : bool
+        Whether the run came to its end.
+    config, provenance, summary : mapping
+        The knobs, where the results come from, and what the run comes to (empty in a run that did not end).
+    first_step : int
+        The step of row 0.
+    steps : mapping of str to ndarray, shape (n_steps, ...)
+        The columns by name; `StepTable` says what they mean. Enum columns are int8 codes.
+    alerts : tuple of Alert
+        In the order in which they were given.
+    strands : Strands
+        Which vertices form which strand.
+    reference : ReferenceLengths or None
+        Lengths of the edges at the start, where the file has them.
+    broken : tuple of BrokenEdge
+        Edges that broke.
+    """
+
+    schema: int
+    complete: bool
+    config: JsonObject
+    provenance: JsonObject
+    summary: JsonObject
+    first_step: int
+    steps: Mapping[str, NDArray[Any]]
+    alerts: tuple[Alert, ...]
+    strands: Strands
+    reference: ReferenceLengths | None
+    broken: tuple[BrokenEdge, ...]
+
+
+def read_results(path: Path, *, columns: Collection[str] | None = None) -> Results:
+    """Return the contents of a results file. The file is not locked, which shared file systems often cannot.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : collection of str, optional
+        Names of the step columns to read; all by default. Every row of them is held in memory.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    InputError
+        If it is no results file, is damaged, has a newer schema, or has no column of that name.
+    """
+    _check_is_hdf5(path)
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            _check_schema(path, file)
+            return _contents(path, file, columns)
+    except InputError:  # is an OSError or ValueError too, and says more
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{path} is truncated or damaged ({error}).") from error
+
+
+def _check_is_hdf5(path: Path) -> None:
+    if not path.exists():
+        raise MissingFileError(f"{path} does not exist.")
+    try:
+        with path.open("rb") as file:
+            found = file.read(len(_SIGNATURE))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror or error}).") from error
+    if found != _SIGNATURE:
+        raise InputError(f"{path} is not an HDF5 file; a results file of mdtopo was expected.")
+
+
+def _check_schema(path: Path, file: h5py.File) -> None:
+    found = file.attrs.get("schema")
+    if not isinstance(found, np.integer) or not {"config", "provenance", "complete"} <= set(file.attrs):
+        raise InputError(f"{path} is an HDF5 file, but not a results file of mdtopo.")
+    if found > SCHEMA:
+        raise InputError(
+            f"{path} has schema {found}, and this mdtopo reads up to {SCHEMA}; use a newer mdtopo."
+        )
+
+
+def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> Results:
+    return Results(
+        schema=int(file.attrs["schema"]),
+        complete=bool(file.attrs["complete"]),
+        config=json.loads(file.attrs["config"]),
+        provenance=json.loads(file.attrs["provenance"]),
+        summary=json.loads(file.attrs.get("summary", "{}")),
+        first_step=int(file["steps"].attrs["first_step"]),
+        steps=_steps(path, file["steps"], columns),
+        alerts=_alerts(file["alerts"]),
+        strands=_strands(file["strands"]),
+        reference=_reference(file["strands"]),
+        broken=_broken(file["strands"]),
+    )
+
+
+def _steps(path: Path, group: h5py.Group, columns: Collection[str] | None) -> dict[str, NDArray[Any]]:
+    wanted = list(group) if columns is None else list(columns)
+    for name in wanted:
+        if name not in group:
+            raise InputError(f"{path} has no step column {name!r}; it has {', '.join(group)}.")
+    return {name: _plain(group[name]) for name in wanted}
+
+
+def _plain(dataset: h5py.Dataset) -> NDArray[Any]:
+    values: NDArray[Any] = dataset[()]
+    return values.view(np.int8) if h5py.check_enum_dtype(dataset.dtype) else values
+
+
+def _texts(dataset: h5py.Dataset) -> list[str]:
+    texts: list[str] = dataset.asstr()[()].tolist()
+    return texts
+
+
+def _alerts(group: h5py.Group) -> tuple[Alert, ...]:
+    columns = {
+        name: _texts(group[name]) if layout.dtype is TEXT else group[name][()].tolist()
+        for name, layout in ALERTS.items()
+    }
+    rows = zip(*columns.values(), strict=True)
+    return tuple(_alert(dict(zip(columns, row, strict=True))) for row in rows)
+
+
+def _alert(row: dict[str, Any]) -> Alert:
+    lists = {name: tuple(json.loads(row[name])) for name in ("strands", "residues")}
+    numbers = {name: None if math.isnan(row[name]) else row[name] for name in ("value", "limit")}
+    enums = {"kind": AlertKind(row["kind"]), "severity": Severity[row["severity"].upper()]}
+    return Alert(**{**row, **lists, **numbers, **enums})
+
+
+def _strands(group: h5py.Group) -> Strands:
+    texts = {
+        name: np.array(_texts(group[f"vertex_{name}"]), dtype=np.str_)
+        for name in ("chain", "icode", "resname", "name")
+    }
+    labels = VertexLabels(
+        chain=texts["chain"],
+        resid=group["vertex_resid"][()],
+        icode=texts["icode"],
+        resname=texts["resname"],
+        atom=texts["name"],
+        atom_index=group["vertex_atom"][()],
+    )
+    gaps = zip(group["gap_vertices"][()].tolist(), _texts(group["gap_reason"]), strict=True)
+    return Strands(
+        offsets=group["offsets"][()],
+        closed=group["closed"][()],
+        names=tuple(_texts(group["names"])),
+        labels=labels,
+        gaps=tuple(Gap((before, after), reason) for (before, after), reason in gaps),
+    )
+
+
+def _reference(group: h5py.Group) -> ReferenceLengths | None:
+    if "reference_length" not in group:
+        return None
+    dataset = group["reference_length"]
+    median, spread, n_frames = (dataset.attrs[name] for name in ("median", "spread", "n_frames"))
+    return ReferenceLengths(dataset[()], float(median), float(spread), int(n_frames))
+
+
+def _broken(group: h5py.Group) -> tuple[BrokenEdge, ...]:
+    columns = [group[name][()].tolist() for name in BROKEN]
+    return tuple(
+        BrokenEdge(step, frame, tuple(edge), ratio, limit)
+        for step, frame, edge, ratio, limit in zip(*columns, strict=True)
+    )

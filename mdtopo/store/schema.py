@@ -1,0 +1,119 @@
+"""What the results file holds: names, types, units and descriptions, for the writer and the reader alike.
+
+======== ================================================================================================
+group    holds
+======== ================================================================================================
+/steps   one dataset for each column of `StepTable`, one row for each step; attribute ``first_step``
+/alerts  one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
+/strands which vertices form which strand, how they are called, reference lengths, broken edges
+======== ================================================================================================
+
+Attributes of the file: ``schema`` (this number), ``config``, ``provenance``, ``summary`` (JSON) and
+``complete``, which is written last. A group that a version of mdtopo does not write is absent.
+"""
+
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+import h5py
+import numpy as np
+
+from mdtopo.records import Column, StepTable
+from mdtopo.typing import Indices
+
+SCHEMA = 1
+"""Rises when a program that reads the file would have to change."""
+
+CHUNK_ROWS = 4096
+"""Rows of a chunk, and rows that the writer holds back until it writes them."""
+
+TEXT = h5py.string_dtype("utf-8")
+"""Text of any length."""
+
+ROW_SHAPES: dict[str, tuple[int, ...]] = {
+    "translation": (3,),
+    "nu_pair": (2, 2),
+    "pair_ratio_pair": (2, 2),
+    "clearance_pair": (2, 2),
+    "bond_stretch_edge": (2,),
+    "rung_pairs": (9,),
+}
+"""Shape of one row of the step columns that are not scalars."""
+
+
+def column_dtype(column: Column) -> np.dtype[Any]:
+    """Return the dtype of a step column: an HDF5 enum on int8, int64 for indices, float64 for the rest."""
+    if column.enum is not None:
+        codes = {member.name: member.value for member in column.enum}
+        dtype: np.dtype[Any] = h5py.enum_dtype(codes, basetype="i1")
+        return dtype
+    return np.dtype(np.int64 if get_type_hints(StepTable)[column.name] == Indices else np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """One dataset: its dtype, the shape of one row, its unit and its description."""
+
+    dtype: Any
+    description: str
+    unit: str = ""
+    row_shape: tuple[int, ...] = ()
+
+
+ALERTS = {
+    "id": Layout(TEXT, "stable identity of the alert"),
+    "kind": Layout(TEXT, "what the alert is about"),
+    "severity": Layout(TEXT, "info, warning or critical"),
+    "step_start": Layout(np.int64, "first step of the event"),
+    "step_peak": Layout(np.int64, "worst step of the event"),
+    "step_end": Layout(np.int64, "last step of the event"),
+    "frame_start": Layout(np.int64, "first frame of the first step"),
+    "frame_end": Layout(np.int64, "last frame of the last step"),
+    "time_start": Layout(np.float64, "time of the first frame; NaN where unknown", "ps"),
+    "time_end": Layout(np.float64, "time of the last frame; NaN where unknown", "ps"),
+    "strands": Layout(TEXT, "names of the strands concerned, a JSON list"),
+    "residues": Layout(TEXT, "labels of the vertices concerned, a JSON list"),
+    "value": Layout(np.float64, "the worst value; NaN where null in the JSON lines"),
+    "limit": Layout(np.float64, "the limit that it met; NaN where null in the JSON lines"),
+    "message": Layout(TEXT, "the event in one sentence"),
+}
+"""The fields of the JSON lines, in their order."""
+
+STRANDS = {
+    "offsets": Layout(np.int64, "strand s holds the vertices offsets[s] to offsets[s + 1] - 1"),
+    "closed": Layout(np.bool_, "whether a closing edge joins the last vertex to the first"),
+    "names": Layout(TEXT, "what the strand is called"),
+    "vertex_atom": Layout(np.int64, "0-based index of the vertex's atom in the input file"),
+    "vertex_resid": Layout(np.int64, "residue number of the vertex"),
+    "gap_vertices": Layout(np.int64, "last vertex before a cut and first one after it", row_shape=(2,)),
+    "gap_reason": Layout(TEXT, "why there is no edge"),
+}
+"""Strands: what `Strands` holds, but for its texts of one value for each vertex."""
+
+VERTEX_TEXTS = {
+    "vertex_label": "the vertex in words: chain, residue name and number",
+    "vertex_chain": "chain or molecule",
+    "vertex_icode": "insertion code",
+    "vertex_resname": "residue name",
+    "vertex_name": "atom name",
+}
+"""Texts of the vertices, in UTF-8 of one fixed length, which is small and fast for a million vertices."""
+
+REFERENCE = {
+    "edge": Layout(np.int64, "the two vertices of each edge, in strand order", row_shape=(2,)),
+    "reference_length": Layout(
+        np.float64,
+        "median length over the first frames; attributes: median, spread, n_frames of all edges",
+        "Å",
+    ),
+}
+"""Reference lengths; absent when none were given."""
+
+BROKEN = {
+    "broken_step": Layout(np.int64, "the step whose end frame settled that the edge is broken"),
+    "broken_frame": Layout(np.int64, "that frame"),
+    "broken_edge": Layout(np.int64, "the two vertices of the edge, in strand order", row_shape=(2,)),
+    "broken_ratio": Layout(np.float64, "length over reference length in that frame"),
+    "broken_limit": Layout(np.float64, "the fracture limit, as such a ratio"),
+}
+"""Edges that broke, in the order in which they did."""

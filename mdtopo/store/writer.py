@@ -1,0 +1,415 @@
+"""Writing a results file: under a temporary name until it is whole."""
+
+import json
+import os
+import secrets
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.errors import AuditError, OutputError
+from mdtopo.records import Alert, BrokenEdge, MonitorConfig, ReferenceLengths, StepTable, Strands
+from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
+from mdtopo.store.guard import GuardedFile
+from mdtopo.store.provenance import Provenance
+from mdtopo.store.schema import (
+    ALERTS,
+    BROKEN,
+    CHUNK_ROWS,
+    REFERENCE,
+    ROW_SHAPES,
+    SCHEMA,
+    STRANDS,
+    VERTEX_TEXTS,
+    Layout,
+    column_dtype,
+)
+
+
+class ResultsWriter:
+    """A results file that is being written; made by `create`.
+
+    The file grows under the name ``.<name>.<pid>.<random>.partial`` beside its target and gets its own name
+    in `finish`, so that nobody ever meets half a file. Memory is bounded: rows are held back until they fill
+    a chunk.
+
+    Left as a context manager without `finish`, it keeps the rows that it has and marks them as not complete;
+    without any row, or after a failed write, nothing stays behind.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        partial: Path,
+        descriptor: int,
+        strands: Strands,
+        provenance: Provenance,
+        overwrite: bool,
+    ) -> None:
+        self._path = path
+        self._partial = partial
+        self._descriptor = descriptor
+        self._strands = strands
+        self._provenance = provenance
+        self._overwrite = overwrite
+        self._broken: list[BrokenEdge] = []
+        self._is_open = True
+        self._guard = GuardedFile(descriptor)
+        self._file = h5py.File(self._guard, "w")
+        self._steps = _StepColumns(self._file.create_group("steps"))
+        self._alerts = _AlertColumns(self._file.create_group("alerts"))
+
+    @classmethod
+    def create(
+        cls,
+        path: Path,
+        strands: Strands,
+        config: MonitorConfig,
+        provenance: Provenance,
+        *,
+        overwrite: bool = False,
+    ) -> Self:
+        """Return a writer for a new file.
+
+        Raises
+        ------
+        OutputError
+            If the target exists and may not be replaced, or its directory is missing or cannot be written to.
+        """
+        _check_target(path, overwrite=overwrite)
+        # random, because in containers a killed run and its successor often have the same process id
+        partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
+        try:
+            descriptor = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        except OSError as error:
+            raise _failed(path, error) from error
+        writer = cls(path, partial, descriptor, strands, provenance, overwrite)
+        try:
+            writer._begin(config)
+        except BaseException:
+            writer.abort()
+            raise
+        return writer
+
+    def _begin(self, config: MonitorConfig) -> None:
+        attributes = self._file.attrs
+        attributes["schema"] = SCHEMA
+        attributes["config"] = json.dumps(config.to_mapping())
+        attributes["provenance"] = json.dumps(self._provenance.to_mapping())
+        attributes["complete"] = False
+        _write_strands(self._file.create_group("strands"), self._strands)
+        self._flush()
+
+    def append(self, table: StepTable) -> None:
+        """Add the steps of a table, and the edges that broke in them.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written; nothing stays behind then.
+        AuditError
+            If the table's steps do not follow those that are there.
+        """
+        self._check_open()
+        self._broken.extend(table.broken)
+        if self._steps.append(table):
+            self._flush()
+
+    def append_alert(self, alert: Alert) -> None:
+        """Add an alert.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; nothing stays behind then.
+        """
+        self._check_open()
+        if self._alerts.append(alert):
+            self._flush()
+
+    def add_reference(self, reference: ReferenceLengths) -> None:
+        """Store the reference lengths of the edges, once in a run.
+
+        Raises
+        ------
+        OutputError
+            If they cannot be written; nothing stays behind then.
+        """
+        self._check_open()
+        group = self._file["strands"]
+        _write_columns(group, REFERENCE, {"edge": self._strands.edges, "reference_length": reference.lengths})
+        for name in ("median", "spread", "n_frames"):
+            group["reference_length"].attrs[name] = getattr(reference, name)
+        self._flush()
+
+    def finish(self, summary: Mapping[str, Any], *, complete: bool = True) -> None:
+        """Write what is held back, then `complete`, then give the file its name.
+
+        When this returns, the file is on the disk under its name, and stays there if the machine stops.
+
+        Parameters
+        ----------
+        summary : mapping
+            What the run comes to, ready for JSON.
+        complete : bool
+            Whether every step was measured. A file that is not complete holds all steps that were appended.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written (nothing stays behind then), or if its name was taken meanwhile (the
+            temporary file stays then, and the message names it).
+        """
+        self._check_open()
+        self._steps.flush()
+        self._alerts.flush()
+        _write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
+        self._file.attrs["summary"] = json.dumps(summary)
+        self._file.attrs["provenance"] = json.dumps(self._provenance.ended_now().to_mapping())
+        self._flush()
+        self._file.attrs["complete"] = complete
+        self._close()
+        self._publish()
+
+    def abort(self) -> None:
+        """Remove the temporary file. After `finish`, or a second time, it does nothing."""
+        if self._is_open:
+            self._is_open = False
+            try:
+                self._file.close()
+            finally:
+                os.close(self._descriptor)
+                self._partial.unlink(missing_ok=True)
+
+    def _check_open(self) -> None:
+        if not self._is_open:
+            raise ValueError(f"{self._path} is not being written any more.")
+
+    def _flush(self) -> None:
+        self._file.flush()
+        self._check_disk()
+
+    def _check_disk(self) -> None:
+        if self._guard.error is not None:
+            self.abort()
+            raise _failed(self._path, self._guard.error) from self._guard.error
+
+    def _close(self) -> None:
+        self._file.close()
+        if self._guard.error is None:
+            try:
+                os.fsync(self._descriptor)
+            except OSError as error:
+                self._guard.error = error
+        self._check_disk()
+        self._is_open = False
+        os.close(self._descriptor)
+
+    def _publish(self) -> None:
+        if self._path.exists() and not self._overwrite:
+            raise OutputError(
+                f"{self._path} appeared while this run was going on and is kept; "
+                f"the results are in {self._partial}."
+            )
+        try:
+            self._partial.replace(self._path)
+        except OSError as error:
+            raise OutputError(f"{_failed(self._path, error)} The results are in {self._partial}.") from error
+        _sync_directory(self._path.parent)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._is_open and self._steps.n_rows:
+            self.finish({}, complete=False)
+        self.abort()
+
+
+class _StepColumns:
+    """The datasets of /steps, and one chunk of rows that are not written yet."""
+
+    def __init__(self, group: h5py.Group) -> None:
+        self.n_rows = 0
+        self._group = group
+        self._held = 0
+        self._buffers: dict[str, NDArray[Any]] = {}
+        group.attrs["first_step"] = 0
+        for column in StepTable.columns():
+            shape = ROW_SHAPES.get(column.name, ())
+            layout = Layout(column_dtype(column), column.description, column.unit, shape)
+            _create_column(group, column.name, layout)
+            self._buffers[column.name] = np.empty((CHUNK_ROWS, *shape), layout.dtype)
+
+    def append(self, table: StepTable) -> bool:
+        """Take the rows of a table; True if some of them were written."""
+        self._check_order(table)
+        done, written = 0, False
+        while done < len(table):
+            count = min(len(table) - done, CHUNK_ROWS - self._held)
+            self._hold(table, done, count)
+            done += count
+            if self._held == CHUNK_ROWS:
+                self.flush()
+                written = True
+        return written
+
+    def _check_order(self, table: StepTable) -> None:
+        if self.n_rows == 0:
+            self._group.attrs["first_step"] = table.first_step
+        expected = int(self._group.attrs["first_step"]) + self.n_rows
+        if table.first_step != expected:
+            raise AuditError(f"Step {table.first_step} was to be stored where step {expected} belongs.")
+
+    def _hold(self, table: StepTable, done: int, count: int) -> None:
+        for name, buffer in self._buffers.items():
+            values = getattr(table, name)[done : done + count]
+            if values.shape != (count, *buffer.shape[1:]):
+                raise AuditError(
+                    f"The column {name} has shape {values.shape}, not {(count, *buffer.shape[1:])}."
+                )
+            np.copyto(buffer[self._held : self._held + count], values, casting="same_kind")
+        self._held += count
+        self.n_rows += count
+
+    def flush(self) -> None:
+        """Write the rows that are held back."""
+        for name, buffer in self._buffers.items():
+            _extend(self._group[name], buffer[: self._held])
+        self._held = 0
+
+
+class _AlertColumns:
+    """The datasets of /alerts, and the alerts that are not written yet."""
+
+    def __init__(self, group: h5py.Group) -> None:
+        self._group = group
+        self._held: list[dict[str, Any]] = []
+        group.attrs["schema"] = ALERT_SCHEMA
+        for name, layout in ALERTS.items():
+            _create_column(group, name, layout)
+
+    def append(self, alert: Alert) -> bool:
+        """Take an alert; True if some were written."""
+        self._held.append(alert.to_mapping())
+        if len(self._held) < CHUNK_ROWS:
+            return False
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Write the alerts that are held back."""
+        for name, layout in ALERTS.items():
+            _extend(
+                self._group[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype)
+            )
+        self._held = []
+
+
+def _alert_value(value: Any) -> Any:
+    if value is None:
+        return np.nan
+    if isinstance(value, str):
+        return _storable(value)
+    return json.dumps(value) if isinstance(value, list | tuple) else value
+
+
+def _storable(text: str) -> str:
+    """Return text that HDF5 takes: a file name may hold bytes that are no UTF-8, and a strand name a NUL."""
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
+
+
+def _create_column(group: h5py.Group, name: str, layout: Layout) -> h5py.Dataset:
+    dataset = group.create_dataset(
+        name,
+        shape=(0, *layout.row_shape),
+        maxshape=(None, *layout.row_shape),
+        chunks=(CHUNK_ROWS, *layout.row_shape),
+        dtype=layout.dtype,
+        compression="gzip",
+        shuffle=True,
+        track_times=False,  # equal runs write equal bytes
+    )
+    dataset.attrs["unit"] = layout.unit
+    dataset.attrs["description"] = layout.description
+    return dataset
+
+
+def _extend(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
+    start = len(dataset)
+    if len(values):
+        dataset.resize(start + len(values), axis=0)
+        dataset[start:] = values
+
+
+def _write_columns(
+    group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]
+) -> None:
+    for name, layout in layouts.items():
+        column = np.asarray(values[name], layout.dtype).reshape(-1, *layout.row_shape)
+        _extend(_create_column(group, name, layout), column)
+
+
+def _write_strands(group: h5py.Group, strands: Strands) -> None:
+    labels = strands.labels
+    columns: dict[str, Iterable[Any]] = {
+        "offsets": strands.offsets,
+        "closed": strands.closed,
+        "names": [_storable(name) for name in strands.names],
+        "vertex_atom": labels.atom_index,
+        "vertex_resid": labels.resid,
+        "gap_vertices": [gap.vertices for gap in strands.gaps],
+        "gap_reason": [_storable(gap.reason) for gap in strands.gaps],
+    }
+    _write_columns(group, STRANDS, columns)
+    texts = {
+        "vertex_label": np.array([labels.text(vertex) for vertex in range(strands.n_vertices)]),
+        "vertex_chain": labels.chain,
+        "vertex_icode": labels.icode,
+        "vertex_resname": labels.resname,
+        "vertex_name": labels.atom,
+    }
+    for name, description in VERTEX_TEXTS.items():
+        encoded = np.char.encode(texts[name], "utf-8", "backslashreplace")
+        layout = Layout(h5py.string_dtype("utf-8", max(1, encoded.itemsize)), description)
+        column = np.empty(len(encoded), layout.dtype)  # the dtype tells h5py that these bytes are UTF-8
+        column[:] = encoded
+        _extend(_create_column(group, name, layout), column)
+
+
+def _broken_columns(broken: Iterable[BrokenEdge]) -> dict[str, list[Any]]:
+    edges = list(broken)
+    return {name: [getattr(edge, name.removeprefix("broken_")) for edge in edges] for name in BROKEN}
+
+
+def _check_target(path: Path, *, overwrite: bool) -> None:
+    if path.is_dir():
+        raise OutputError(f"{path} is a directory; give the name of a file.")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path} exists already; give --overwrite to replace it, or another name.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path} cannot be written, because the directory {path.parent} does not exist.")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{path} cannot be written, because {path.parent} does not allow it to this user.")
+
+
+def _failed(path: Path, error: OSError) -> OutputError:
+    return OutputError(f"{path} cannot be written ({error.strerror or error}).")
+
+
+def _sync_directory(directory: Path) -> None:
+    # some file systems cannot; the file itself is on the disk all the same
+    with suppress(OSError):
+        descriptor = os.open(directory, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
