@@ -122,7 +122,7 @@ class AtomTable:
 
     def census(self, rows: Indices) -> str:
         """Return what kinds of atoms the rows are, most frequent first, as ``276 P of POPE, 3 CA of CAL``."""
-        counts = Counter(f"{self.name[r] or 'beads'} of {self.resname[r] or '?'}" for r in rows)
+        counts = Counter(_kind(self.name[r], self.resname[r]) for r in rows)
         shown = [f"{count} {kind}" for kind, count in counts.most_common(3)]
         return ", ".join(shown) + (", …" if len(counts) > 3 else "")
 
@@ -146,10 +146,12 @@ def usable_rows(table: AtomTable) -> tuple[Indices, list[str]]:
     doubles = _is_spare_location(table)
     notes = []
     if ions.any():
-        notes.append(f"Left out {_counted(ions, 'ion or water bead')}: {table.census(np.flatnonzero(ions))}.")
+        notes.append(
+            f"Left out {counted(int(ions.sum()), 'ion or water bead')}: {table.census(np.flatnonzero(ions))}."
+        )
     if doubles.any():
         notes.append(
-            f"Left out {_counted(doubles, 'alternate location')}: "
+            f"Left out {counted(int(doubles.sum()), 'alternate location')}: "
             "of each atom the one with the highest occupancy is kept, the first of equals."
         )
     return np.flatnonzero(~ions & ~doubles).astype(np.int64), notes
@@ -185,10 +187,10 @@ def _is_spare_location(table: AtomTable) -> Flags:
     return spare
 
 
-def _counted(flags: Flags, noun: str) -> str:
-    count = int(flags.sum())
-    return (
-        f"{count} {noun}"
-        if count == 1
-        else f"{count} {noun}s".replace("ion or water beads", "ions or water beads")
-    )
+def _kind(name: str, resname: str) -> str:
+    return f"{name or 'beads'} of {resname}" if resname else str(name or "beads")
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, in the plural where it is not one."""
+    return f"1 {noun}" if count == 1 else f"{count} {noun}s".replace("ion or", "ions or")

@@ -180,8 +180,8 @@ def _refuse_branches(table: AtomTable, rows: Indices, partners: dict[int, list[i
             continue
         branch = next(row for row, found in partners.items() if len(found) > 2)
         raise StrandError(
-            f"The bonds branch at {table.label(branch)}, which is joined to {len(partners[branch])} others, "
-            f"and {table.label(i)} is not joined to the next one, {table.label(j)}: the backbone is not clear. "
+            f"The bonds branch at {table.label(branch)}, joined to {len(partners[branch])} others, "
+            f"and {table.label(i)} is not joined to the next one, {table.label(j)}: the backbone is unclear. "
             "Select backbone atoms only, or pass use_bonds=no to take the atoms in stored order."
         )
 

@@ -9,9 +9,9 @@ import numpy as np
 from mdtopo.errors import StrandError
 from mdtopo.records import Gap, Strands, VertexLabels
 from mdtopo.records.strands import OPEN_MINIMUM
-from mdtopo.strands.atoms import AtomTable, usable_rows
+from mdtopo.strands.atoms import AtomTable, counted, usable_rows
 from mdtopo.strands.chains import Chain, Run, bonded_chains, candidate_pairs, molecules, ordered_chains
-from mdtopo.strands.links import BondGraph, has_bonds
+from mdtopo.strands.links import BondGraph, Stops, has_bonds
 from mdtopo.strands.steps import StepCheck
 from mdtopo.typing import Cell, Indices, Points
 
@@ -95,13 +95,32 @@ def strands_from_atoms(
                 for chain in ordered_chains(table, group, check)
             ]
         chains += found
+    if graph is not None:
+        notes += _bridges(table, groups, stops)
     joined = [chain for chain in map(_without_singles, chains) if chain.runs]
     lone = _lone_rows(chains)
     if not joined:
         raise StrandError(_nothing_joined(table, lone))
     if len(lone):
-        notes.append(f"Left out {_atoms(len(lone))} joined to no other selected atom: {table.census(lone)}.")
+        notes.append(
+            f"Left out {counted(len(lone), 'atom')} joined to no other selected one: {table.census(lone)}."
+        )
     return _assembled(table, joined, notes)
+
+
+def _bridges(table: AtomTable, groups: Sequence[Indices], stops: Stops) -> list[str]:
+    """Return a note on bonds between selected atoms of different molecules or chains, if there are any."""
+    group_of = {row: number for number, group in enumerate(groups) for row in group.tolist()}
+    bonds = [] if table.bonds is None else table.bonds.tolist()
+    ends = [(stops[i], stops[j]) for i, j in bonds if i in stops and j in stops]
+    bridges = [(i, j) for i, j in ends if group_of[i] != group_of[j]]
+    if not bridges:
+        return []
+    first, second = (table.label(row) for row in bridges[0])
+    return [
+        f"Between molecules or chains there are {counted(len(bridges), 'bond')}, first {first} to {second}: "
+        "no edges."
+    ]
 
 
 def _closed_by_ends(chain: Chain, check: StepCheck) -> Chain:
@@ -196,7 +215,3 @@ def _gaps(chains: Sequence[Chain]) -> Iterator[Gap]:
             last += len(run.rows)
             if reason:
                 yield Gap((last, last + 1), reason)
-
-
-def _atoms(count: int) -> str:
-    return "1 atom that is" if count == 1 else f"{count} atoms that are"

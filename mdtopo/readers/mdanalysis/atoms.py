@@ -46,7 +46,7 @@ def default_trace(universe: Any) -> tuple[Any, str]:
     """
     kinds = residue_kinds(universe)[universe.atoms.resindices]
     if not (kinds != "").any():
-        return universe.atoms, "all atoms, because no protein or nucleic acid is recognised"
+        return universe.atoms, "all atoms in stored order, because no protein or nucleic acid is recognised"
     taken = np.zeros(len(universe.atoms), dtype=np.bool_)
     words = []
     for kind, traces in (("protein", PROTEIN_TRACES), ("nucleic", NUCLEIC_TRACES)):
@@ -90,25 +90,33 @@ def atom_table(group: Any) -> AtomTable:
 
 
 def _bead_table(group: Any, bonds: Indices | None) -> AtomTable:
-    n, residues = len(group), len(group.universe.residues)
-    empty = np.full(n, "", dtype=np.str_)
+    index = group.ix.astype(np.int64)
+    empty, ones = np.full(len(group), "", dtype=np.str_), np.ones(len(group), dtype=np.int64)
     return AtomTable(
         name=_words(group, "names"),
         resname=empty,
-        resid=_numbers(group, "ids") if hasattr(group, "ids") else group.ix.astype(np.int64),
+        resid=_numbers(group, "ids") if hasattr(group, "ids") else index,
         icode=empty,
         altloc=empty,
-        occupancy=np.ones(n),
+        occupancy=ones.astype(np.float64),
         chain=_words(group, "chainIDs"),
         segid=_words(group, "segids"),
         element=_words(group, "elements"),
-        molecule=_numbers(group, "resids") if residues > 1 else None,
-        residue=group.ix.astype(np.int64),
-        residue_size=np.ones(n, dtype=np.int64),
+        molecule=_bead_molecules(group),
+        residue=index,
+        residue_size=ones,
         residue_kind=empty,
-        atom_index=group.ix.astype(np.int64),
+        atom_index=index,
         bonds=bonds,
     )
+
+
+def _bead_molecules(group: Any) -> Indices | None:
+    """Return the molecule of each bead; None where all are in one residue, or each in its own."""
+    if hasattr(group, "molnums"):
+        return _numbers(group, "molnums")
+    is_split = 1 < len(group.universe.residues) < len(group.universe.atoms)
+    return _numbers(group, "resids" if hasattr(group, "resids") else "resindices") if is_split else None
 
 
 def _column(group: Any, attribute: str, default: object) -> NDArray[Any]:

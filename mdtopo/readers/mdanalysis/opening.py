@@ -14,12 +14,13 @@ from mdtopo.errors import (
     UnknownFormatError,
 )
 from mdtopo.readers.base import Source
+from mdtopo.readers.mdanalysis.calls import mdanalysis_call, one_line
+from mdtopo.readers.mdanalysis.extensions import COMPRESSIONS
 from mdtopo.readers.mdanalysis.options import Options
-from mdtopo.readers.mdanalysis.truncation import dcd_size
-from mdtopo.readers.mdanalysis.warnings_log import mdanalysis_warnings_logged, one_line
+from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xyz_lines
 
-ATOM_COUNT = re.compile(r"number of atoms|n_atoms|natoms", re.IGNORECASE)
-"""How MDAnalysis speaks of atom counts that differ."""
+LACKING = re.compile(r"please install|not installed|no module named|requires the .* package", re.IGNORECASE)
+"""How MDAnalysis says that a package is missing, where it does not raise an ImportError."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,6 +96,8 @@ def open_files(source: Source, options: Options) -> Opened:
         _load_trajectory(universe, parts, options)
     elif getattr(universe, "trajectory", None) is None:
         raise InputError(f"{topology} holds no coordinates; pass a trajectory file after it.")
+    if options.guess_bonds:
+        _guess_bonds(universe, topology)
     n_frames, notes = _length(universe.trajectory)
     title = " + ".join(str(path) for path in parts or (topology,))
     if n_frames < 1:
@@ -115,7 +118,7 @@ def _refuse_unknown(path: Path, name: str | None, *, is_topology: bool) -> None:
     find, option = (get_parser_for, "topology_format") if is_topology else (get_reader_for, "format")
     kind = "topology" if is_topology else "trajectory"
     try:
-        with mdanalysis_warnings_logged(str(path)):
+        with mdanalysis_call(str(path)):
             find(str(path), format=name)
     except (ValueError, TypeError, KeyError) as error:
         found = f"the format {name!r}" if name else f"the extension {path.suffix!r} of {path}"
@@ -130,10 +133,8 @@ def _loaded_topology(topology: Path, parts: Sequence[Path], options: Options) ->
     chosen = options.chosen("topology_format", "atom_style")
     if not parts:  # the topology file is the trajectory as well
         chosen |= _trajectory_options(options) | options.chosen("format")
-    if options.guess_bonds:
-        chosen["to_guess"] = ("types", "masses", "bonds")
     try:
-        with mdanalysis_warnings_logged(str(topology)):
+        with mdanalysis_call(str(topology)):
             return MDAnalysis.Universe(str(topology), **chosen)
     except Exception as error:
         _refuse(error, f"{topology} cannot be read as a topology", InputError)
@@ -147,15 +148,22 @@ def _load_trajectory(universe: Any, parts: Sequence[Path], options: Options) -> 
         chosen["continuous"] = True
     title = " + ".join(names)
     try:
-        with mdanalysis_warnings_logged(title):
+        with mdanalysis_call(title):
             if len(names) > 1 or options.continuous:
                 universe.load_new(several, **chosen)
             else:
                 universe.load_new(names[0], format=options.format, **chosen)
     except Exception as error:
-        if isinstance(error, ValueError) and ATOM_COUNT.search(str(error)):
-            _refuse_counts(error, universe, parts, options)
+        _refuse_counts(error, universe, parts, options.format)
         _refuse(error, f"{title} cannot be read as a trajectory", TrajectoryError)
+
+
+def _guess_bonds(universe: Any, topology: Path) -> None:
+    try:
+        with mdanalysis_call(str(topology)):
+            universe.guess_TopologyAttrs(to_guess=["bonds"])
+    except Exception as error:
+        _refuse(error, f"The bonds of {topology} cannot be guessed", InputError)
 
 
 def _trajectory_options(options: Options) -> dict[str, Any]:
@@ -163,26 +171,36 @@ def _trajectory_options(options: Options) -> dict[str, Any]:
     return chosen if options.convert_units else {**chosen, "convert_units": False}
 
 
-def _refuse_counts(error: Exception, universe: Any, parts: Sequence[Path], options: Options) -> None:
+def _refuse_counts(error: Exception, universe: Any, parts: Sequence[Path], name: str | None) -> None:
     """Raise with both numbers of atoms if a part's differs from the topology's."""
-    from MDAnalysis.core._get_readers import get_reader_for
-
     expected = len(universe.atoms)
     for path in parts:
-        try:
-            with mdanalysis_warnings_logged(str(path)):
-                found = int(get_reader_for(str(path), format=options.format).parse_n_atoms(str(path)))
-        except Exception:
-            continue  # a format that does not say; the message of MDAnalysis has to do
-        if found != expected:
+        found = _count_atoms(path, name)
+        if found not in (None, expected):
             raise TrajectoryError(
                 f"{path} has {found} atoms, but the topology {universe.filename} has {expected}; "
                 "pass the topology that the trajectory was written with."
             ) from error
 
 
+def _count_atoms(path: Path, name: str | None) -> int | None:
+    """Return the number of atoms of a trajectory file; None where it does not say or is damaged."""
+    import MDAnalysis
+    from MDAnalysis.core._get_readers import get_reader_for
+
+    try:
+        with mdanalysis_call(str(path)):
+            return int(get_reader_for(str(path), format=name).parse_n_atoms(str(path)))
+    except Exception:
+        try:
+            with mdanalysis_call(str(path)):
+                return len(MDAnalysis.Universe(str(path)).atoms)
+        except Exception:
+            return None
+
+
 def _refuse(error: Exception, what: str, kind: type[InputError]) -> NoReturn:
-    if isinstance(error, ImportError):
+    if isinstance(error, ImportError) or LACKING.search(str(error)):
         raise MissingDependencyError(f"{what}: {one_line(error)}. Install what is missing.") from error
     raise kind(f"{what}: {one_line(error).rstrip('.')}.") from error
 
@@ -190,23 +208,30 @@ def _refuse(error: Exception, what: str, kind: type[InputError]) -> NoReturn:
 def _length(trajectory: Any) -> tuple[int, tuple[str, ...]]:
     """Return the number of frames, and notes where a DCD is shorter than its header declares.
 
-    The frame within which a DCD ends counts too: reading then ends with an error there, and not silently before.
+    The frame within which a file ends counts too: reading then ends with an error there, and not silently.
     """
     held, notes = int(trajectory.n_frames), []
     readers = getattr(trajectory, "readers", [trajectory])
     for reader in readers:
-        path = Path(str(reader.filename))
-        size = dcd_size(path) if path.is_file() else None
-        whole = int(reader.n_frames)
-        if size is not None and size.spare_bytes:
-            if reader is not readers[-1]:
-                raise TrajectoryError(
-                    f"{path} ends within frame {whole}: it was cut off, and it is not the last part."
-                )
-            held += 1
-        elif size is not None and size.declared > whole:
+        path, whole = Path(str(reader.filename)), int(reader.n_frames)
+        if not path.is_file():
+            continue
+        size = dcd_size(path)
+        if size is not None and size.declared > whole and not size.spare_bytes:
             notes.append(f"The header of {path} declares {size.declared} frames, but the file holds {whole}.")
+        if _ends_within_frame(reader, path):
+            if reader is not readers[-1]:
+                raise TrajectoryError(f"{path}, which is not the last part, is cut off within frame {whole}.")
+            held += 1
     return held, tuple(notes)
+
+
+def _ends_within_frame(reader: Any, path: Path) -> bool:
+    """Return whether a file ends within a frame that MDAnalysis does not count (DCD, plain XYZ)."""
+    if reader.format == "XYZ" and path.suffix.lower() not in COMPRESSIONS:
+        return spare_xyz_lines(path, int(reader.n_atoms)) > 0
+    size = dcd_size(path)
+    return size is not None and size.spare_bytes > 0
 
 
 def _unit_notes(topology: Path, parts: Sequence[Path], options: Options) -> tuple[str, ...]:

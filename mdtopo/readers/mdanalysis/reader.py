@@ -1,5 +1,6 @@
 """The reader itself: strands once, then frames by index."""
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
@@ -9,10 +10,11 @@ import numpy as np
 from mdtopo.errors import InputError, MdtopoError, SelectionError, TrajectoryError
 from mdtopo.readers.base import Reader, ReaderRequest, Source
 from mdtopo.readers.mdanalysis.atoms import atom_table, default_trace
+from mdtopo.readers.mdanalysis.calls import mdanalysis_call, one_line
+from mdtopo.readers.mdanalysis.extensions import has_known_extension
 from mdtopo.readers.mdanalysis.opening import Opened, open_files, open_object
 from mdtopo.readers.mdanalysis.options import OPTION_HELP, Options
 from mdtopo.readers.mdanalysis.precision import coordinate_error
-from mdtopo.readers.mdanalysis.warnings_log import mdanalysis_warnings_logged, one_line
 from mdtopo.records import Frame, Strands
 from mdtopo.strands import Traces, strands_from_atoms
 from mdtopo.typing import Cell, Indices
@@ -46,9 +48,9 @@ class MDAnalysisReader(Reader):
 
     @classmethod
     def can_open(cls, source: Source) -> bool:
-        """Return whether the source is files or an object of MDAnalysis; formats are judged on opening."""
+        """Return whether the source is files or an object of MDAnalysis; files are judged by extension."""
         if source.object is None:
-            return bool(source.paths)
+            return any(has_known_extension(path) for path in source.paths)
         mdanalysis = sys.modules.get("MDAnalysis")  # who passes its object has imported it
         return mdanalysis is not None and isinstance(
             source.object, (mdanalysis.Universe, mdanalysis.AtomGroup)
@@ -80,8 +82,10 @@ class MDAnalysisReader(Reader):
         table = atom_table(group)
         with _Position(opened.universe.trajectory, opened.is_ours):
             first = read_frame(opened, 0, group.ix)
-            largest = float(np.nanmax(np.abs(first.positions), initial=0.0))
-            error = coordinate_error(opened.universe.trajectory, largest)
+            size = np.abs(first.positions)
+            error = coordinate_error(
+                opened.universe.trajectory, float(size.max(initial=0.0, where=np.isfinite(size)))
+            )
         traces = strands_from_atoms(
             table,
             first.positions,
@@ -92,6 +96,8 @@ class MDAnalysisReader(Reader):
         )
         if first.cell is None:
             notes.append("There is no periodic box in the first frame.")
+        if math.isnan(first.time) and opened.n_frames > 1:
+            notes.append("The trajectory holds no times; pass dt, the time between frames in ps.")
         indices = group.ix[traces.order].astype(np.int64)
         return cls(opened, indices, traces, error, [*opened.notes, *notes, *traces.notes])
 
@@ -149,13 +155,14 @@ class _Position:
 
     def __exit__(self, *_: object) -> None:
         if self._frame is not None:
-            with mdanalysis_warnings_logged("the Universe"):
+            with mdanalysis_call("the Universe"):
                 self._trajectory[self._frame]
 
 
 def _release(opened: Opened) -> None:
     if opened.is_ours:
-        opened.universe.trajectory.close()
+        with mdanalysis_call(opened.title):
+            opened.universe.trajectory.close()
 
 
 def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
@@ -171,7 +178,7 @@ def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
         return group, [f"The trace is the default one: {words}."]
     within = opened.universe.atoms if opened.group is None else opened.group
     try:
-        with mdanalysis_warnings_logged(opened.title):
+        with mdanalysis_call(opened.title):
             group = within.select_atoms(select)
     except Exception as error:
         raise SelectionError(
@@ -202,16 +209,23 @@ def read_frame(opened: Opened, index: int, indices: Indices) -> Frame:
             f"Read the {held} frames before with the frame range :{held}."
         )
     try:
-        with mdanalysis_warnings_logged(opened.title):
+        with mdanalysis_call(opened.title):
             step = trajectory[index]
             positions = step.positions[indices].astype(np.float64)
-            cell, time = _cell(step.dimensions), float(step.time)
+            cell, time = _cell(step.dimensions), _time(step, trajectory)
     except Exception as error:
         raise TrajectoryError(
             f"Frame {index} of {opened.title} cannot be read: {one_line(error).rstrip('.')}. "
             f"The file is damaged or cut off; read the frames before it with the frame range :{index}."
         ) from error
     return Frame(index, time, np.ascontiguousarray(positions), cell)
+
+
+def _time(step: Any, trajectory: Any) -> float:
+    """Return the time of a frame, ps; NaN where the file holds none (MDAnalysis then counts 1 ps a frame)."""
+    if "time" in step.data or "dt" in step.data or hasattr(trajectory, "_get_dt"):
+        return float(step.time)
+    return float("nan")
 
 
 def _cell(dimensions: Any) -> Cell | None:

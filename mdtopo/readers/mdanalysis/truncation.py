@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+BLOCK = 1 << 20
+"""Bytes that are read at once to count lines."""
+
 FIRST_RECORD = 84
 """Bytes in the first record of a DCD file: the word CORD and twenty integers."""
 
@@ -29,11 +32,10 @@ class DcdSize:
 
 
 def dcd_size(path: Path) -> DcdSize | None:
-    """Return what a DCD file says of its length; None if the file is no plain DCD (fixed atoms, 8-byte markers).
+    """Return what a DCD file says of its length; None if it is no plain DCD (fixed atoms, 8-byte markers).
 
-    MDAnalysis counts whole frames by the size of the file, so one that was cut off merely looks shorter. What the
-    header declares is a hint: LAMMPS, NAMD and OpenMM keep it up to date, CHARMM writes how many frames it plans.
-    A file that ends within a frame was cut off for certain.
+    MDAnalysis counts whole frames by the size of the file, so one that was cut off merely looks shorter. What
+    the header declares is a hint: LAMMPS, NAMD and OpenMM keep it up to date, CHARMM writes its plan. A file that ends within a frame was cut off for certain.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -63,3 +65,14 @@ def _skip_record(file: BinaryIO, order: str) -> bytes:
     content = file.read(length)
     file.read(4)
     return content
+
+
+def spare_xyz_lines(path: Path, n_atoms: int) -> int:
+    """Return how many lines follow the last whole frame of a plain XYZ file, blank ones left aside."""
+    lines = blank = 0
+    with path.open("rb") as file:
+        while block := file.read(BLOCK):
+            text = block.rstrip()
+            lines += block.count(b"\n", 0, len(text)) + (blank if text else 0)
+            blank = block.count(b"\n", len(text)) + (0 if text else blank)
+    return (lines + 1) % (n_atoms + 2)
