@@ -11,24 +11,26 @@ from typing import Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-from mdtopo.errors import AuditError, OutputError
+from mdtopo.errors import OutputError
 from mdtopo.records import Alert, BrokenEdge, MonitorConfig, ReferenceLengths, StepTable, Strands
-from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
+from mdtopo.store.columns import (
+    AlertColumns,
+    StepColumns,
+    create_column,
+    extend,
+    storable_text,
+    write_columns,
+)
 from mdtopo.store.guard import GuardedFile
 from mdtopo.store.provenance import Provenance
 from mdtopo.store.schema import (
-    ALERTS,
     BROKEN,
-    CHUNK_ROWS,
     REFERENCE,
-    ROW_SHAPES,
     SCHEMA,
     STRANDS,
     VERTEX_TEXTS,
     Layout,
-    column_dtype,
 )
 
 
@@ -62,8 +64,8 @@ class ResultsWriter:
         self._is_open = True
         self._guard = GuardedFile(descriptor)
         self._file = h5py.File(self._guard, "w")
-        self._steps = _StepColumns(self._file.create_group("steps"))
-        self._alerts = _AlertColumns(self._file.create_group("alerts"))
+        self._steps = StepColumns(self._file.create_group("steps"))
+        self._alerts = AlertColumns(self._file.create_group("alerts"))
 
     @classmethod
     def create(
@@ -117,8 +119,9 @@ class ResultsWriter:
             If the table's steps do not follow those that are there.
         """
         self._check_open()
+        written = self._steps.append(table)
         self._broken.extend(table.broken)
-        if self._steps.append(table):
+        if written:
             self._flush()
 
     def append_alert(self, alert: Alert) -> None:
@@ -143,7 +146,7 @@ class ResultsWriter:
         """
         self._check_open()
         group = self._file["strands"]
-        _write_columns(group, REFERENCE, {"edge": self._strands.edges, "reference_length": reference.lengths})
+        write_columns(group, REFERENCE, {"edge": self._strands.edges, "reference_length": reference.lengths})
         for name in ("median", "spread", "n_frames"):
             group["reference_length"].attrs[name] = getattr(reference, name)
         self._flush()
@@ -169,7 +172,7 @@ class ResultsWriter:
         self._check_open()
         self._steps.flush()
         self._alerts.flush()
-        _write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
+        write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
         self._file.attrs["summary"] = json.dumps(summary)
         self._file.attrs["provenance"] = json.dumps(self._provenance.ended_now().to_mapping())
         self._flush()
@@ -234,142 +237,18 @@ class ResultsWriter:
         self.abort()
 
 
-class _StepColumns:
-    """The datasets of /steps, and one chunk of rows that are not written yet."""
-
-    def __init__(self, group: h5py.Group) -> None:
-        self.n_rows = 0
-        self._group = group
-        self._held = 0
-        self._buffers: dict[str, NDArray[Any]] = {}
-        group.attrs["first_step"] = 0
-        for column in StepTable.columns():
-            shape = ROW_SHAPES.get(column.name, ())
-            layout = Layout(column_dtype(column), column.description, column.unit, shape)
-            _create_column(group, column.name, layout)
-            self._buffers[column.name] = np.empty((CHUNK_ROWS, *shape), layout.dtype)
-
-    def append(self, table: StepTable) -> bool:
-        """Take the rows of a table; True if some of them were written."""
-        self._check_order(table)
-        done, written = 0, False
-        while done < len(table):
-            count = min(len(table) - done, CHUNK_ROWS - self._held)
-            self._hold(table, done, count)
-            done += count
-            if self._held == CHUNK_ROWS:
-                self.flush()
-                written = True
-        return written
-
-    def _check_order(self, table: StepTable) -> None:
-        if self.n_rows == 0:
-            self._group.attrs["first_step"] = table.first_step
-        expected = int(self._group.attrs["first_step"]) + self.n_rows
-        if table.first_step != expected:
-            raise AuditError(f"Step {table.first_step} was to be stored where step {expected} belongs.")
-
-    def _hold(self, table: StepTable, done: int, count: int) -> None:
-        for name, buffer in self._buffers.items():
-            values = getattr(table, name)[done : done + count]
-            if values.shape != (count, *buffer.shape[1:]):
-                raise AuditError(
-                    f"The column {name} has shape {values.shape}, not {(count, *buffer.shape[1:])}."
-                )
-            np.copyto(buffer[self._held : self._held + count], values, casting="same_kind")
-        self._held += count
-        self.n_rows += count
-
-    def flush(self) -> None:
-        """Write the rows that are held back."""
-        for name, buffer in self._buffers.items():
-            _extend(self._group[name], buffer[: self._held])
-        self._held = 0
-
-
-class _AlertColumns:
-    """The datasets of /alerts, and the alerts that are not written yet."""
-
-    def __init__(self, group: h5py.Group) -> None:
-        self._group = group
-        self._held: list[dict[str, Any]] = []
-        group.attrs["schema"] = ALERT_SCHEMA
-        for name, layout in ALERTS.items():
-            _create_column(group, name, layout)
-
-    def append(self, alert: Alert) -> bool:
-        """Take an alert; True if some were written."""
-        self._held.append(alert.to_mapping())
-        if len(self._held) < CHUNK_ROWS:
-            return False
-        self.flush()
-        return True
-
-    def flush(self) -> None:
-        """Write the alerts that are held back."""
-        for name, layout in ALERTS.items():
-            _extend(
-                self._group[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype)
-            )
-        self._held = []
-
-
-def _alert_value(value: Any) -> Any:
-    if value is None:
-        return np.nan
-    if isinstance(value, str):
-        return _storable(value)
-    return json.dumps(value) if isinstance(value, list | tuple) else value
-
-
-def _storable(text: str) -> str:
-    """Return text that HDF5 takes: a file name may hold bytes that are no UTF-8, and a strand name a NUL."""
-    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
-
-
-def _create_column(group: h5py.Group, name: str, layout: Layout) -> h5py.Dataset:
-    dataset = group.create_dataset(
-        name,
-        shape=(0, *layout.row_shape),
-        maxshape=(None, *layout.row_shape),
-        chunks=(CHUNK_ROWS, *layout.row_shape),
-        dtype=layout.dtype,
-        compression="gzip",
-        shuffle=True,
-        track_times=False,  # equal runs write equal bytes
-    )
-    dataset.attrs["unit"] = layout.unit
-    dataset.attrs["description"] = layout.description
-    return dataset
-
-
-def _extend(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-    start = len(dataset)
-    if len(values):
-        dataset.resize(start + len(values), axis=0)
-        dataset[start:] = values
-
-
-def _write_columns(
-    group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]
-) -> None:
-    for name, layout in layouts.items():
-        column = np.asarray(values[name], layout.dtype).reshape(-1, *layout.row_shape)
-        _extend(_create_column(group, name, layout), column)
-
-
 def _write_strands(group: h5py.Group, strands: Strands) -> None:
     labels = strands.labels
     columns: dict[str, Iterable[Any]] = {
         "offsets": strands.offsets,
         "closed": strands.closed,
-        "names": [_storable(name) for name in strands.names],
+        "names": [storable_text(name) for name in strands.names],
         "vertex_atom": labels.atom_index,
         "vertex_resid": labels.resid,
         "gap_vertices": [gap.vertices for gap in strands.gaps],
-        "gap_reason": [_storable(gap.reason) for gap in strands.gaps],
+        "gap_reason": [storable_text(gap.reason) for gap in strands.gaps],
     }
-    _write_columns(group, STRANDS, columns)
+    write_columns(group, STRANDS, columns)
     texts = {
         "vertex_label": np.array([labels.text(vertex) for vertex in range(strands.n_vertices)]),
         "vertex_chain": labels.chain,
@@ -382,7 +261,7 @@ def _write_strands(group: h5py.Group, strands: Strands) -> None:
         layout = Layout(h5py.string_dtype("utf-8", max(1, encoded.itemsize)), description)
         column = np.empty(len(encoded), layout.dtype)  # the dtype tells h5py that these bytes are UTF-8
         column[:] = encoded
-        _extend(_create_column(group, name, layout), column)
+        extend(create_column(group, name, layout), column)
 
 
 def _broken_columns(broken: Iterable[BrokenEdge]) -> dict[str, list[Any]]:

@@ -34,6 +34,7 @@ from mdtopo.store import (
     Provenance,
     ResultsWriter,
     collect_provenance,
+    columns,
     fingerprint,
     guard,
     read_results,
@@ -82,7 +83,7 @@ ALERT = Alert(
 def step_table(n_steps, *, first_step=0, broken=(), seed=0):
     """Random values in every column, with a NaN and a -1 in each that can have one."""
     random = np.random.default_rng(seed)
-    columns = {}
+    values_of = {}
     for column in StepTable.columns():
         shape = (n_steps, *ROW_SHAPES.get(column.name, ()))
         if column.enum is not None:
@@ -91,8 +92,8 @@ def step_table(n_steps, *, first_step=0, broken=(), seed=0):
             values = random.integers(-1, 2**40, size=shape)
         else:
             values = np.where(random.random(shape) < 0.1, np.nan, random.normal(size=shape))
-        columns[column.name] = values
-    return StepTable(first_step, Stretches.none(), tuple(broken), ("",) * n_steps, **columns)
+        values_of[column.name] = values
+    return StepTable(first_step, Stretches.none(), tuple(broken), ("",) * n_steps, **values_of)
 
 
 def create(path, **how):
@@ -262,7 +263,7 @@ def test_blocks_of_any_size_give_the_same_rows(tmp_path_factory, sizes):
         step_table(n, first_step=int(s), seed=k) for k, (n, s) in enumerate(zip(sizes, starts, strict=False))
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(writer, "CHUNK_ROWS", 16)
+        patch.setattr(columns, "CHUNK_ROWS", 16)
         found = read_results(write(directory / "run.h5", *tables))
     assert_steps_are(found, step_table(0), *tables)
 
