@@ -77,7 +77,7 @@ class Provenance:
         return asdict(self)
 
 
-def collect_provenance(paths: Sequence[Path], *, argv: Sequence[str], threads: int) -> Provenance:
+def collect_provenance(paths: Sequence[Path], *, argv: Sequence[str], threads: int = 1) -> Provenance:
     """Return the provenance of a run that starts now.
 
     Raises
