@@ -159,7 +159,7 @@ class ResultsWriter:
         Parameters
         ----------
         summary : mapping
-            What the run comes to, ready for JSON.
+            What the run comes to; values that JSON does not know are stored as their text.
         complete : bool
             Whether every step was measured. A file that is not complete holds all steps that were appended.
 
@@ -173,7 +173,8 @@ class ResultsWriter:
         self._steps.flush()
         self._alerts.flush()
         write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
-        self._file.attrs["summary"] = json.dumps(summary)
+        # default=str: a value that JSON does not know must not cost the run
+        self._file.attrs["summary"] = json.dumps(summary, default=str)
         self._file.attrs["provenance"] = json.dumps(self._provenance.ended_now().to_mapping())
         self._flush()
         self._file.attrs["complete"] = complete

@@ -238,11 +238,11 @@ def test_attributes_come_back(tmp_path):
         PROVENANCE, argv=("part.xtc",) * 20_000
     )  # beyond the 64 KiB that HDF5 keeps in an object header
     with ResultsWriter.create(tmp_path / "run.h5", STRANDS, CONFIG, many) as results:
-        results.finish({"crossed": 2})
+        results.finish({"crossed": 2, "results": Path("run.h5")})
     found = read_results(tmp_path / "run.h5")
     assert found.schema == SCHEMA == 1
     assert MonitorConfig.from_mapping(found.config) == CONFIG
-    assert found.summary == {"crossed": 2}
+    assert found.summary == {"crossed": 2, "results": "run.h5"}
     assert (found.provenance["host"], len(found.provenance["argv"])) == ("node7", 20_000)
     assert found.provenance["started"] < found.provenance["ended"]
 
