@@ -9,7 +9,7 @@ import numpy as np
 
 from mdtopo.errors import StrandError
 from mdtopo.strands.atoms import OTHER, AtomTable
-from mdtopo.strands.links import BondGraph, Stops, backbone_links
+from mdtopo.strands.links import BondGraph, backbone_links
 from mdtopo.strands.steps import StepCheck
 from mdtopo.typing import Indices
 
@@ -99,9 +99,7 @@ def _are_unrelated(table: AtomTable, i: int, j: int) -> bool:
     return any(table.residue_kind[row] == OTHER and table.residue_size[row] > 1 for row in (i, j))
 
 
-def bonded_chains(
-    table: AtomTable, rows: Indices, graph: BondGraph, stops: Stops
-) -> tuple[list[Chain], list[str]]:
+def bonded_chains(table: AtomTable, rows: Indices, graph: BondGraph) -> tuple[list[Chain], list[str]]:
     """Return the chains of atoms whose bonds the file lists, and notes on bonds that are no edges.
 
     Where no atom has more than two neighbours along the backbone, the bonds give order, ends and rings. Else
@@ -115,15 +113,13 @@ def bonded_chains(
         Those of one molecule or chain.
     graph : BondGraph
         The bonds of the file.
-    stops : dict of int to int
-        Row of each selected atom, by its file index; a path of bonds ends at them.
 
     Raises
     ------
     StrandError
         If the bonds branch and the stored order does not settle the matter either; names the atom.
     """
-    links = backbone_links(table, rows, graph, stops)
+    links = backbone_links(table, rows, graph)
     partners: dict[int, list[int]] = {int(row): [] for row in rows}
     for i, j in links.tolist():
         partners[i].append(j)

@@ -27,56 +27,54 @@ def has_bonds(table: AtomTable, rows: Indices) -> bool:
     return 2 * int(bonded.sum()) > len(rows)
 
 
-Stops: TypeAlias = dict[int, int]
-"""The row of each selected atom, by its file index: where paths of bonds end."""
-
-
 class BondGraph:
     """The bonds of a file, ready to be walked from atom to atom.
 
     Parameters
     ----------
-    bonds : ndarray of int, shape (m, 2)
-        Pairs of file indices.
+    table : AtomTable
+        The selected atoms, with the bonds of all.
+    rows : ndarray of int
+        The rows that can be vertices; a walk ends at them.
     """
 
-    def __init__(self, bonds: Indices) -> None:
-        n_atoms = int(bonds.max()) + 1 if len(bonds) else 0
-        ends = np.concatenate([bonds, bonds[:, ::-1]])
+    def __init__(self, table: AtomTable, rows: Indices) -> None:
+        self._bonds = np.empty((0, 2), dtype=np.int64) if table.bonds is None else table.bonds
+        self._atoms = table.atom_index
+        self._row_of = {int(table.atom_index[row]): int(row) for row in rows}
+        ends = np.concatenate([self._bonds, self._bonds[:, ::-1]])
         order = np.argsort(ends[:, 0], kind="stable")
+        n_atoms = int(ends.max()) + 1 if len(ends) else 0
         self._partners = ends[order, 1]
         self._starts = np.searchsorted(ends[order, 0], np.arange(n_atoms + 1))
 
-    def partners(self, atom: int) -> list[int]:
-        """Return the atoms bonded to one atom."""
+    def direct_bonds(self) -> list[tuple[int, int]]:
+        """Return the bonds between two rows, as rows."""
+        row_of = self._row_of
+        return [(row_of[i], row_of[j]) for i, j in self._bonds.tolist() if i in row_of and j in row_of]
+
+    def distances(self, row: int) -> dict[int, int]:
+        """Return how many bonds away each other row is that a path reaches without passing a third one."""
+        found: dict[int, int] = {}
+        start = int(self._atoms[row])
+        seen, front = {start}, [start]
+        for length in range(1, REACH + 1):
+            reached = {partner for atom in front for partner in self._partners_of(atom)} - seen
+            found.update((self._row_of[atom], length) for atom in reached if atom in self._row_of)
+            seen |= reached
+            front = [atom for atom in reached if atom not in self._row_of]
+            if not front:
+                break
+        return found
+
+    def _partners_of(self, atom: int) -> list[int]:
         if atom + 1 >= len(self._starts):
             return []
         found: list[int] = self._partners[self._starts[atom] : self._starts[atom + 1]].tolist()
         return found
 
-    def distances(self, atom: int, stops: Stops) -> dict[int, int]:
-        """Return how many bonds away each stop is that a path reaches without passing another stop.
 
-        Parameters
-        ----------
-        atom : int
-            Where the paths start.
-        stops : dict of int to int
-            File indices (keys) at which a path ends.
-        """
-        found: dict[int, int] = {}
-        seen, front = {atom}, [atom]
-        for length in range(1, REACH + 1):
-            reached = {partner for here in front for partner in self.partners(here)} - seen
-            found.update((partner, length) for partner in reached if partner in stops)
-            seen |= reached
-            front = [partner for partner in reached if partner not in stops]
-            if not front:
-                break
-        return found
-
-
-def backbone_links(table: AtomTable, rows: Indices, graph: BondGraph, stops: Stops) -> Indices:
+def backbone_links(table: AtomTable, rows: Indices, graph: BondGraph) -> Indices:
     """Return the pairs of rows that are neighbours along a backbone, each once, shape (m, 2).
 
     Two atoms are neighbours if a path of bonds joins them through atoms that are not selected (CA-C-N-CA),
@@ -87,12 +85,13 @@ def backbone_links(table: AtomTable, rows: Indices, graph: BondGraph, stops: Sto
     -----
     Heuristic where bonds between vertices are indirect; every direct bond between two rows is returned.
     """
-    lengths: dict[tuple[int, int], int] = {}
     members = set(rows.tolist())
-    for row in members:
-        for other, length in graph.distances(int(table.atom_index[row]), stops).items():
-            if row < stops[other] and stops[other] in members:
-                lengths[row, stops[other]] = length
+    lengths = {
+        (row, other): length
+        for row in members
+        for other, length in graph.distances(row).items()
+        if row < other and other in members
+    }
     kinds = {pair: _link_kind(table, pair, length) for pair, length in lengths.items()}
     backbone = _backbone_kinds(Counter(kinds.values()))
     kept = [pair for pair, kind in kinds.items() if kind in backbone]

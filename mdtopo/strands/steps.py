@@ -2,21 +2,25 @@
 
 import numpy as np
 
-from mdtopo.geometry.lattice import reduced_cell
-from mdtopo.strands.atoms import AtomTable
+from mdtopo.geometry.lattice import basis_of, reduced_basis
+from mdtopo.strands.atoms import OTHER, AtomTable, counted
 from mdtopo.typing import Cell, Indices, Lengths, Points
 
 CA_CUT = 5.0
-"""Å. CA to CA is 3.8 (2.9 in a cis peptide) and seldom beyond 4.2; over a missing residue it is 5.0 and
-more."""
+"""Å. CA to CA is 3.8 (2.9 in a cis peptide), seldom beyond 4.2; over a missing residue 5.0 and more."""
 
 NUCLEIC_CUT = 9.0
-"""Å. C4' to C4' (P to P) is 5 … 7, and 7.7 when six bonds are fully stretched; over a missing residue 9 and
-more."""
+"""Å. C4' to C4' (P to P) is 5 … 7, 7.7 when its six bonds are stretched; over a missing residue more."""
 
 MEDIAN_FACTOR = 3.0
 """Times the median step. Broadest is the Gaussian bond, which exceeds it once in 10 000 (4.6 standard
 deviations of a component); the ends of neighbouring chains in a melt lie many bonds apart."""
+
+SKIP_FACTOR = 1.3
+"""Times the median step, where residue numbers are missing. A neighbour is still within (CA 4.9 Å), the one
+after it is not; chains that are numbered with skips stay whole."""
+
+FIXED_CUTS = {"CA": CA_CUT, "C4'": NUCLEIC_CUT}
 
 CA_NAMES = frozenset({"CA"})
 NUCLEIC_NAMES = frozenset({"C4'", "C4*", "P"})
@@ -34,7 +38,7 @@ def nearest_steps(differences: Points, cell: Cell | None) -> Lengths:
     """
     if cell is None or not np.isfinite(cell).all() or np.linalg.det(cell) == 0.0 or not len(differences):
         return np.asarray(np.linalg.norm(differences, axis=1), dtype=np.float64)
-    basis, _ = reduced_cell(np.ascontiguousarray(cell, dtype=np.float64))
+    basis = np.array(reduced_basis(basis_of(np.ascontiguousarray(cell, dtype=np.float64))))
     near = differences - np.round(differences @ np.linalg.inv(basis)) @ basis
     # In a reduced basis the nearest image is among the neighbours of the rounded one.
     squared = [
@@ -67,10 +71,10 @@ class StepCheck:
     ) -> None:
         self._table, self._positions, self._cell = table, positions, cell
         lengths = nearest_steps(positions[pairs[:, 1]] - positions[pairs[:, 0]], cell)
-        kinds = [self._kind(int(i), int(j)) for i, j in pairs]
-        self._cuts = {
-            kind: cut or _default_cut(kind, lengths[[k == kind for k in kinds]]) for kind in set(kinds)
-        }
+        kinds = np.array([self._kind(int(i), int(j)) for i, j in pairs], dtype=np.str_)
+        medians = {str(kind): _median(lengths[kinds == kind]) for kind in np.unique(kinds)}
+        self._cuts = {kind: cut or FIXED_CUTS.get(kind, MEDIAN_FACTOR * m) for kind, m in medians.items()}
+        self._skip_cuts = {kind: cut or min(self._cuts[kind], SKIP_FACTOR * m) for kind, m in medians.items()}
         self._lengths = {(int(i), int(j)): float(d) for (i, j), d in zip(pairs, lengths, strict=True)}
 
     def _kind(self, i: int, j: int) -> str:
@@ -92,20 +96,22 @@ class StepCheck:
         A step that is not a number cannot be judged and is no gap: the strands must not hang on one bad
         frame.
         """
-        length, cut = self._lengths[i, j], self._cuts[self._kind(i, j)]
+        kind, missing = self._kind(i, j), self._missing_numbers(i, j)
+        length, cut = self._lengths[i, j], (self._skip_cuts if missing else self._cuts)[kind]
         if not length > cut:
             return ""
-        missing = int(self._table.resid[j]) - int(self._table.resid[i]) - 1
-        numbers = f" and {missing} residue numbers are missing" if missing > 0 else ""
+        numbers = f", with {counted(missing, 'residue number')} missing in between" if missing else ""
         return (
             f"{self._table.label(i)} and {self._table.label(j)} are {length:.3g} Å apart, "
             f"beyond the cut of {cut:.3g} Å{numbers}"
         )
 
+    def _missing_numbers(self, i: int, j: int) -> int:
+        if self._table.residue_kind[i] == OTHER or self._table.residue_kind[j] == OTHER:
+            return 0  # the numbers of beads are those of atoms, of which a selection may take every other one
+        return max(int(self._table.resid[j]) - int(self._table.resid[i]) - 1, 0)
 
-def _default_cut(kind: str, lengths: Lengths) -> float:
-    fixed = {"CA": CA_CUT, "C4'": NUCLEIC_CUT}
+
+def _median(lengths: Lengths) -> float:
     known = lengths[np.isfinite(lengths)]
-    if kind in fixed or not len(known):
-        return fixed.get(kind, np.inf)
-    return MEDIAN_FACTOR * float(np.median(known))
+    return float(np.median(known)) if len(known) else np.inf

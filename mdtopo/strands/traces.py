@@ -8,10 +8,10 @@ import numpy as np
 
 from mdtopo.errors import StrandError
 from mdtopo.records import Gap, Strands, VertexLabels
-from mdtopo.records.strands import OPEN_MINIMUM
-from mdtopo.strands.atoms import AtomTable, counted, usable_rows
+from mdtopo.records.strands import CLOSED_MINIMUM, OPEN_MINIMUM
+from mdtopo.strands.atoms import PROTEIN, AtomTable, counted, usable_rows
 from mdtopo.strands.chains import Chain, Run, bonded_chains, candidate_pairs, molecules, ordered_chains
-from mdtopo.strands.links import BondGraph, Stops, has_bonds
+from mdtopo.strands.links import BondGraph, has_bonds
 from mdtopo.strands.steps import StepCheck
 from mdtopo.typing import Cell, Indices, Points
 
@@ -80,23 +80,19 @@ def strands_from_atoms(
     """
     rows, notes = usable_rows(table)
     groups = molecules(table, rows)
-    graph = BondGraph(table.bonds) if use_bonds and table.bonds is not None else None
-    stops = {int(table.atom_index[row]): int(row) for row in rows}
+    graph = BondGraph(table, rows) if use_bonds and table.bonds is not None else None
     loose = [group for group in groups if graph is None or not has_bonds(table, group)]
     check = StepCheck(table, candidate_pairs(table, loose), positions, cell, cut)
     chains: list[Chain] = []
     for group in groups:
         if graph is not None and has_bonds(table, group):
-            found, rungs = bonded_chains(table, group, graph, stops)
-            notes += rungs
+            found, remarks = bonded_chains(table, group, graph)
         else:
-            found = [
-                _closed_by_ends(chain, check) if close_ends else chain
-                for chain in ordered_chains(table, group, check)
-            ]
+            found, remarks = _with_ends(table, ordered_chains(table, group, check), check, close_ends)
         chains += found
+        notes += remarks
     if graph is not None:
-        notes += _bridges(table, groups, stops)
+        notes += _bridges(table, groups, graph)
     joined = [chain for chain in map(_without_singles, chains) if chain.runs]
     lone = _lone_rows(chains)
     if not joined:
@@ -108,12 +104,33 @@ def strands_from_atoms(
     return _assembled(table, joined, notes)
 
 
-def _bridges(table: AtomTable, groups: Sequence[Indices], stops: Stops) -> list[str]:
+def _with_ends(
+    table: AtomTable, chains: Sequence[Chain], check: StepCheck, close_ends: bool
+) -> tuple[list[Chain], list[str]]:
+    """Return the chains; where ends meet closed, or with a note if they are not to be closed."""
+    meeting = [_ends_meet(chain, check) for chain in chains]
+    if close_ends:
+        pairs = zip(chains, meeting, strict=True)
+        return [Chain([Run(c.runs[0].rows, closed=True)], []) if meet else c for c, meet in pairs], []
+    # no hint for proteins: rings are rare among them, and ends that touch are not (BPTI's CA are 4.8 Å apart)
+    rows = [chain.runs[0].rows[0] for chain, meet in zip(chains, meeting, strict=True) if meet]
+    first_rows = [row for row in rows if table.residue_kind[row] != PROTEIN]
+    return list(chains), [
+        f"The ends of the strand from {table.label(row)} on are as near as neighbours; "
+        "if it is a ring, pass close_ends=yes."
+        for row in first_rows
+    ]
+
+
+def _ends_meet(chain: Chain, check: StepCheck) -> bool:
+    rows = chain.runs[0].rows
+    return len(chain.runs) == 1 and len(rows) > CLOSED_MINIMUM and check.is_short(rows[-1], rows[0])
+
+
+def _bridges(table: AtomTable, groups: Sequence[Indices], graph: BondGraph) -> list[str]:
     """Return a note on bonds between selected atoms of different molecules or chains, if there are any."""
     group_of = {row: number for number, group in enumerate(groups) for row in group.tolist()}
-    bonds = [] if table.bonds is None else table.bonds.tolist()
-    ends = [(stops[i], stops[j]) for i, j in bonds if i in stops and j in stops]
-    bridges = [(i, j) for i, j in ends if group_of[i] != group_of[j]]
+    bridges = [(i, j) for i, j in graph.direct_bonds() if group_of[i] != group_of[j]]
     if not bridges:
         return []
     first, second = (table.label(row) for row in bridges[0])
@@ -121,14 +138,6 @@ def _bridges(table: AtomTable, groups: Sequence[Indices], stops: Stops) -> list[
         f"Between molecules or chains there are {counted(len(bridges), 'bond')}, first {first} to {second}: "
         "no edges."
     ]
-
-
-def _closed_by_ends(chain: Chain, check: StepCheck) -> Chain:
-    """Return the chain as a ring if it is one run and its ends are as near as an edge allows."""
-    run = chain.runs[0]
-    if len(chain.runs) > 1 or len(run.rows) <= OPEN_MINIMUM or not check.is_short(run.rows[-1], run.rows[0]):
-        return chain
-    return Chain([Run(run.rows, closed=True)], [])
 
 
 def _without_singles(chain: Chain) -> Chain:
@@ -184,10 +193,13 @@ def _chain_titles(table: AtomTable, chains: Sequence[Chain]) -> list[str]:
     labels = [table.group_label(chain.runs[0].rows[0]) for chain in chains]
     if len(chains) > 1:
         labels = [label or str(k) for k, label in enumerate(labels)]
-    seen: Counter[str] = Counter()
+    used: set[str] = set()
+    count: Counter[str] = Counter()
     for k, label in enumerate(labels):
-        seen[label] += 1
-        labels[k] = label if seen[label] == 1 else f"{label}#{seen[label]}"
+        while labels[k] in used:
+            count[label] += 1
+            labels[k] = f"{label}#{count[label] + 1}"
+        used.add(labels[k])
     return labels
 
 
