@@ -1,0 +1,93 @@
+"""Proves that no strand passed through another between two frames of a molecular trajectory, or says where one did.
+
+Lengths are in Å, times in ps, angles in degrees. The whole job is `monitor`; a stream of steps is `steps`; one step of
+your own arrays is `polyline_step`. Names are loaded when they are first used, so that ``import mdtopo`` costs nothing.
+"""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mdtopo.analysis import IsotopyAnalysis
+    from mdtopo.errors import InputError, MdtopoError, OutputError
+    from mdtopo.measure import nu, polyline_step
+    from mdtopo.pipeline import monitor, steps
+    from mdtopo.records import (
+        Alert,
+        AlertKind,
+        MonitorConfig,
+        PairClass,
+        Reason,
+        Rung,
+        RunSummary,
+        RunVerdict,
+        Severity,
+        StepReport,
+        Strands,
+        Verdict,
+    )
+    from mdtopo.store import read_results
+
+__version__ = version("mdtopo")
+
+_HOMES = {
+    "Alert": "records",
+    "AlertKind": "records",
+    "InputError": "errors",
+    "IsotopyAnalysis": "analysis",
+    "MdtopoError": "errors",
+    "MonitorConfig": "records",
+    "OutputError": "errors",
+    "PairClass": "records",
+    "Reason": "records",
+    "RunSummary": "records",
+    "RunVerdict": "records",
+    "Rung": "records",
+    "Severity": "records",
+    "StepReport": "records",
+    "Strands": "records",
+    "Verdict": "records",
+    "monitor": "pipeline",
+    "nu": "measure",
+    "polyline_step": "measure",
+    "read_results": "store",
+    "steps": "pipeline",
+}
+
+__all__ = [
+    "Alert",
+    "AlertKind",
+    "InputError",
+    "IsotopyAnalysis",
+    "MdtopoError",
+    "MonitorConfig",
+    "OutputError",
+    "PairClass",
+    "Reason",
+    "RunSummary",
+    "RunVerdict",
+    "Rung",
+    "Severity",
+    "StepReport",
+    "Strands",
+    "Verdict",
+    "__version__",
+    "monitor",
+    "nu",
+    "polyline_step",
+    "read_results",
+    "steps",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'mdtopo' has no attribute {name!r}")
+    value = getattr(import_module(f"mdtopo.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

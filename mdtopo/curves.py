@@ -12,14 +12,20 @@ from numpy.typing import NDArray
 
 from mdtopo.geometry.broadphase import MAX_CELL_DRIFT, cell_drift
 from mdtopo.geometry.lattice import (
-    fractions,
+    Basis,
+    basis_of,
+    combine,
+    floors,
+    inverse_of,
     lattice_vector,
     nearest_image,
-    reduced_cell,
+    nearest_integers,
+    reduced_basis,
+    store_basis,
+    volume,
     whole_counts,
 )
-from mdtopo.geometry.rigid import best_rotation, covariance, rotation_angle
-from mdtopo.geometry.vectors import Vector, norm, row, subtract
+from mdtopo.geometry.vectors import Vector, add, norm, row, scale, subtract
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -35,9 +41,9 @@ class StepMotion(NamedTuple):
     cell0, cell1 : ndarray, shape (3, 3)
         Reduced lattice vectors at both ends, the second rotated along. Image s of a vertex moves from x0 + s·cell0 to
         x1 + s·cell1. Zeros where there is no cell.
-    rotation : float
-        Angle that was removed, degrees.
-    translation : ndarray, shape (3,)
+    is_turned : bool
+        Whether the rotation was taken out; not in a periodic box that would turn too far with it.
+    translation : tuple of 3 floats
         Motion of the centroid that was removed, Å.
     usable : bool
         Whether images can be counted on the path between the two cells.
@@ -47,8 +53,8 @@ class StepMotion(NamedTuple):
     x1: FloatArray
     cell0: FloatArray
     cell1: FloatArray
-    rotation: float
-    translation: FloatArray
+    is_turned: bool
+    translation: Vector
     usable: bool
 
 
@@ -77,38 +83,40 @@ def whole_strands(
     winding : ndarray of int, shape (n_traces, 3)
         Nonzero where a closed trace closes through the boundary, so that it cannot be made whole.
     """
-    basis, _ = reduced_cell(cell)
-    inverse = np.linalg.inv(basis)
+    basis = reduced_basis(basis_of(cell))
+    inverse = inverse_of(basis)
     counts, winding = whole_counts(x, basis, vertices, offsets, closed)
-    whole = np.empty_like(x)
+    whole, reduced = np.empty_like(x), np.empty((3, 3))
+    store_basis(basis, reduced)
     for g in range(len(closed)):
-        trace = vertices[offsets[g] : offsets[g + 1]]
-        centre = (0.0, 0.0, 0.0)
-        for i in trace:
+        total = (0.0, 0.0, 0.0)
+        for k in range(offsets[g], offsets[g + 1]):
+            i = vertices[k]
             v = lattice_vector((counts[i, 0], counts[i, 1], counts[i, 2]), basis)
-            centre = (centre[0] + x[i, 0] + v[0], centre[1] + x[i, 1] + v[1], centre[2] + x[i, 2] + v[2])
-        n = len(trace)
-        f = fractions((centre[0] / n, centre[1] / n, centre[2] / n), inverse)
-        home = (int(np.floor(f[0])), int(np.floor(f[1])), int(np.floor(f[2])))
-        for i in trace:
-            total = (counts[i, 0] - home[0], counts[i, 1] - home[1], counts[i, 2] - home[2])
-            v = lattice_vector(total, basis)
-            whole[i, 0], whole[i, 1], whole[i, 2] = x[i, 0] + v[0], x[i, 1] + v[1], x[i, 2] + v[2]
-    return whole, basis, winding
+            total = add(total, add(row(x, i), v))
+        home = floors(combine(scale(1.0 / (offsets[g + 1] - offsets[g]), total), inverse))
+        for k in range(offsets[g], offsets[g + 1]):
+            i = vertices[k]
+            v = lattice_vector(
+                (counts[i, 0] - home[0], counts[i, 1] - home[1], counts[i, 2] - home[2]), basis
+            )
+            whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
+    return whole, reduced, winding
 
 
 @njit(cache=True, nogil=True)
-def matching_basis(basis0: FloatArray, cell1: FloatArray) -> FloatArray:
+def matching_basis(basis0: Basis, basis1: Basis) -> Basis:
     """Return the basis of the second frame's lattice that lies closest to the first frame's basis.
 
-    Its rows are the same integer combinations as before, also where an engine has flipped a triclinic cell to an
-    equivalent one. If no unimodular match exists (the cell jumped), the nearest lattice vectors cannot be told apart and
-    the given basis stands.
+    Its vectors are the same integer combinations as before, also where an engine has flipped a triclinic cell to an
+    equivalent one. If no unimodular match exists (the cell jumped), the given basis stands.
     """
-    counts = np.rint(basis0 @ np.linalg.inv(cell1))
-    if abs(abs(np.linalg.det(counts)) - 1.0) > 1e-6:
-        return cell1.copy()
-    return counts @ cell1
+    inverse = inverse_of(basis1)
+    a = lattice_vector(nearest_integers(combine(basis0[0], inverse)), basis1)
+    b = lattice_vector(nearest_integers(combine(basis0[1], inverse)), basis1)
+    c = lattice_vector(nearest_integers(combine(basis0[2], inverse)), basis1)
+    ratio = volume((a, b, c)) / volume(basis1)
+    return (a, b, c) if abs(abs(ratio) - 1.0) < 1e-6 else basis1
 
 
 @njit(cache=True, nogil=True)
@@ -119,6 +127,7 @@ def step_motion(
     cell1: FloatArray,
     periodic: bool,
     rigid: bool,
+    rotation: FloatArray,
     vertices: IntArray,
     offsets: IntArray,
 ) -> StepMotion:
@@ -132,72 +141,85 @@ def step_motion(
         Reduced cells; ignored unless periodic.
     periodic, rigid : bool
         Whether there is a cell; whether a rigid motion is taken out (else the stored coordinates stand, images aside).
+    rotation : ndarray, shape (3, 3)
+        The rotation that all strands have in common, from `mdtopo.geometry.rigid`.
     vertices, offsets : ndarray of int
         The traces.
     """
-    rotation = np.eye(3)
-    if rigid:
-        whole_system = np.array([0, len(vertices)])
-        rotation = best_rotation(covariance(x0, x1, vertices, offsets if periodic else whole_system))
-    basis1 = matching_basis(cell0, cell1) if periodic else np.zeros((3, 3))
-    if periodic and rigid and cell_drift(cell0, basis1 @ rotation.T) >= MAX_CELL_DRIFT:
-        rotation = np.eye(3)  # the cell cannot turn so far on a straight path
-    turned_cell = basis1 @ rotation.T
-    turned = x1 @ rotation.T if rigid else x1.copy()
-    usable = True
+    turn = basis_of(rotation.T)  # as rows times a matrix
+    turned, turned_cell = x1.copy(), np.zeros((3, 3))
+    usable, is_turned = True, rigid
     if periodic:
-        usable = cell_drift(cell0, turned_cell) < MAX_CELL_DRIFT
-        _place_beside(x0, turned, turned_cell, vertices, offsets)
-    translation = np.zeros(3)
+        basis0, basis1 = basis_of(cell0), matching_basis(basis_of(cell0), basis_of(cell1))
+        along = (combine(basis1[0], turn), combine(basis1[1], turn), combine(basis1[2], turn))
+        # on a straight path the cell cannot turn far: then no rotation is taken out
+        is_turned = rigid and cell_drift(basis0, along) < MAX_CELL_DRIFT
+        if is_turned:
+            basis1 = along
+        usable = cell_drift(basis0, basis1) < MAX_CELL_DRIFT
+        store_basis(basis1, turned_cell)
+    if is_turned:
+        rotate_rows(turned, turn)
+    if periodic:
+        _place_beside(x0, turned, basis_of(turned_cell), vertices, offsets)
+    before, after = centroid(x0), centroid(turned)
+    translation = (0.0, 0.0, 0.0)
     if rigid:
-        before, after = np.empty(3), np.empty(3)
-        for axis in range(3):
-            before[axis], after[axis] = x0[:, axis].mean(), turned[:, axis].mean()
-        turned -= after - before
-        translation = after @ rotation - before
-    return StepMotion(x0, turned, cell0, turned_cell, rotation_angle(rotation), translation, usable)
+        shift = subtract(after, before)
+        for i in range(len(turned)):
+            turned[i, 0], turned[i, 1], turned[i, 2] = subtract(row(turned, i), shift)
+        translation = subtract(combine(after, basis_of(rotation)), before) if is_turned else shift
+    return StepMotion(x0, turned, cell0, turned_cell, is_turned, translation, usable)
+
+
+@njit(cache=True, nogil=True)
+def rotate_rows(x: FloatArray, turn: Basis) -> None:
+    """Multiply each row of x, in place, by the matrix `turn` (the transpose of the rotation)."""
+    for i in range(len(x)):
+        x[i, 0], x[i, 1], x[i, 2] = combine(row(x, i), turn)
+
+
+@njit(cache=True, nogil=True)
+def centroid(x: FloatArray) -> Vector:
+    """Return the mean of the rows of x."""
+    total = (0.0, 0.0, 0.0)
+    for i in range(len(x)):
+        total = add(total, row(x, i))
+    return total[0] / len(x), total[1] / len(x), total[2] / len(x)
 
 
 @njit(cache=True, nogil=True)
 def _place_beside(
-    x0: FloatArray, x1: FloatArray, cell1: FloatArray, vertices: IntArray, offsets: IntArray
+    x0: FloatArray, x1: FloatArray, cell1: Basis, vertices: IntArray, offsets: IntArray
 ) -> None:
     """Shift each trace of x1, in place, by the lattice vector that brings it next to where it was.
 
     The motion that most vertices share is found first, as a circular mean of fractions: a file that was centred anew
     moves every strand by the same half cell, and must not tear some of them away from the others.
     """
-    basis, _ = reduced_cell(cell1)
-    inverse = np.linalg.inv(basis)
+    basis = reduced_basis(cell1)
+    inverse = inverse_of(basis)
     n_traces = len(offsets) - 1
-    moves = np.empty((n_traces, 3))
-    common = np.zeros((3, 2))
+    moves, circle = np.empty((n_traces, 3)), np.zeros((3, 2))
     for g in range(n_traces):
-        trace = vertices[offsets[g] : offsets[g + 1]]
+        total, size = (0.0, 0.0, 0.0), offsets[g + 1] - offsets[g]
+        for k in range(offsets[g], offsets[g + 1]):
+            total = add(total, subtract(row(x1, vertices[k]), row(x0, vertices[k])))
+        mean = scale(1.0 / size, total)
+        moves[g, 0], moves[g, 1], moves[g, 2] = mean
+        f = combine(mean, inverse)
         for axis in range(3):
-            total = 0.0
-            for i in trace:
-                total += x1[i, axis] - x0[i, axis]
-            moves[g, axis] = total / len(trace)
-        f = fractions(row(moves, g), inverse)
-        for axis in range(3):
-            common[axis, 0] += len(trace) * np.cos(2.0 * np.pi * f[axis])
-            common[axis, 1] += len(trace) * np.sin(2.0 * np.pi * f[axis])
-    shared = np.empty(3)
-    for axis in range(3):
-        shared[axis] = np.arctan2(common[axis, 1], common[axis, 0]) / (2.0 * np.pi)
-    shared_move = shared @ basis
+            circle[axis, 0] += size * np.cos(2.0 * np.pi * f[axis])
+            circle[axis, 1] += size * np.sin(2.0 * np.pi * f[axis])
+    turns = np.arctan2(circle[:, 1], circle[:, 0]) / (2.0 * np.pi)
+    shared = combine((turns[0], turns[1], turns[2]), basis)
     for g in range(n_traces):
-        own: Vector = (
-            moves[g, 0] - shared_move[0],
-            moves[g, 1] - shared_move[1],
-            moves[g, 2] - shared_move[2],
-        )
-        counts, _ = nearest_image(own, basis, inverse)
-        v = lattice_vector(counts, basis)
-        for i in vertices[offsets[g] : offsets[g + 1]]:
-            for axis in range(3):
-                x1[i, axis] += v[axis]
+        counts = nearest_image(subtract(row(moves, g), shared), basis, inverse)
+        if counts != (0, 0, 0):
+            v = lattice_vector(counts, basis)
+            for k in range(offsets[g], offsets[g + 1]):
+                i = vertices[k]
+                x1[i, 0], x1[i, 1], x1[i, 2] = add(row(x1, i), v)
 
 
 @njit(cache=True, nogil=True)

@@ -33,8 +33,8 @@ from mdtopo.curves import StepMotion
 from mdtopo.geometry.broadphase import candidate_pairs
 from mdtopo.geometry.distances import DUAL_ERROR, UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.hull import hull_distance
-from mdtopo.geometry.lattice import lattice_vector
-from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
+from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
+from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
@@ -51,6 +51,16 @@ of the two edges' greatest displacements."""
 
 WIDEST_REACH = 4.0
 """The search for a class without any pair in reach stops at this multiple of the mean edge length."""
+
+BOUND_ERROR = 1e-12
+"""Rounding of the cheap bounds, as a multiple of the lengths that enter them. The normal of two lines is wrong by at most
+a few u·|e||f|, which `NEARLY_PARALLEL` keeps below 1e-12 of its own length."""
+
+NEARLY_PARALLEL = 1e-6
+"""Squared sine under which two edges count as parallel."""
+
+FIRST_REACH = 1.2
+"""The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
 PLACING_ERROR = 8.0 * UNIT_ROUNDOFF
 """Rounding of x + s·H, as a multiple of the greatest coordinate: three products, three sums, twice."""
@@ -97,10 +107,12 @@ class StepMeasure(NamedTuple):
 
 
 class Spheres(NamedTuple):
-    """The edges of a step as moving spheres: midpoints at both ends, greatest half length, greatest displacement."""
+    """The edges of a step as moving spheres: midpoints and half edges at both ends, greatest half length and motion."""
 
     mid0: FloatArray
     mid1: FloatArray
+    span0: FloatArray
+    span1: FloatArray
     half: FloatArray
     motion: FloatArray
 
@@ -129,14 +141,17 @@ def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     """Return the bounding spheres of the edges, moving linearly; proven for all times, as lengths are convex in t."""
     m = len(edges)
     mid0, mid1, half, moved = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
+    span0, span1 = np.empty((m, 3)), np.empty((m, 3))
     for k in range(m):
         a0, b0 = row(motion.x0, edges[k, 0]), row(motion.x0, edges[k, 1])
         a1, b1 = row(motion.x1, edges[k, 0]), row(motion.x1, edges[k, 1])
         mid0[k, 0], mid0[k, 1], mid0[k, 2] = scale(0.5, add(a0, b0))
         mid1[k, 0], mid1[k, 1], mid1[k, 2] = scale(0.5, add(a1, b1))
-        half[k] = 0.5 * max(norm(subtract(b0, a0)), norm(subtract(b1, a1)))
+        span0[k, 0], span0[k, 1], span0[k, 2] = scale(0.5, subtract(b0, a0))
+        span1[k, 0], span1[k, 1], span1[k, 2] = scale(0.5, subtract(b1, a1))
+        half[k] = max(norm(row(span0, k)), norm(row(span1, k)))
         moved[k] = max(norm(subtract(a1, a0)), norm(subtract(b1, b0)))
-    return Spheres(mid0, mid1, half, moved)
+    return Spheres(mid0, mid1, span0, span1, half, moved)
 
 
 @njit(cache=True, nogil=True)
@@ -152,39 +167,46 @@ def greatest_displacement(x0: FloatArray, x1: FloatArray) -> tuple[float, int]:
 
 
 @njit(cache=True, nogil=True)
-def slab_bound(centre0: Vector, centre1: Vector, ends0: tuple[Vector, Vector], ends1: tuple[Vector, Vector]) -> float:
-    """Return how far the slabs are apart that hold two moving edges across the line of their mean centres.
+def slab_bound(w: Vector, centre: Vector, first: Vector, second: Vector) -> float:
+    """Return how far the slabs are apart, times |w|, that hold two edges across the direction w.
 
     Parameters
     ----------
-    centre0, centre1 : tuple of 3 floats
-        From the midpoint of the one edge to that of the other, at the start and the end.
-    ends0, ends1 : pair of tuples
-        The two edge vectors, at the start and the end.
-
-    Guarantee
-    ---------
-    Proven, up to rounding that `climb` adds: the direction certificate (rung 4) for one direction that is known
-    without any closest-point search.
+    w : tuple of 3 floats
+        Any direction.
+    centre : tuple of 3 floats
+        From the midpoint of the first edge to that of the second.
+    first, second : tuple of 3 floats
+        Half the edge vectors.
     """
-    w = add(centre0, centre1)
-    length = norm(w)
-    if length == 0.0:
-        return 0.0
-    start = dot(w, centre0) - 0.5 * (abs(dot(w, ends0[0])) + abs(dot(w, ends0[1])))
-    end = dot(w, centre1) - 0.5 * (abs(dot(w, ends1[0])) + abs(dot(w, ends1[1])))
-    return min(start, end) / length
+    return dot(w, centre) - abs(dot(w, first)) - abs(dot(w, second))
 
 
 @njit(cache=True, nogil=True)
-def relative_motion(
-    a0: Vector, b0: Vector, c0: Vector, d0: Vector, a1: Vector, b1: Vector, c1: Vector, d1: Vector
-) -> float:
-    """Return ρ: how far a corner of one edge moves relative to a corner of the other, at most; Å."""
-    a, b, c, d = subtract(a1, a0), subtract(b1, b0), subtract(c1, c0), subtract(d1, d0)
-    ac, ad, bc, bd = subtract(a, c), subtract(a, d), subtract(b, c), subtract(b, d)
-    squared = max(max(dot(ac, ac), dot(ad, ad)), max(dot(bc, bc), dot(bd, bd)))
-    return np.sqrt(squared) * (1.0 + 8.0 * UNIT_ROUNDOFF)
+def line_bound(centre: Vector, first: Vector, second: Vector) -> float:
+    """Return how far the *lines* of two edges are apart: a lower bound of the edges' distance; 0 if nearly parallel."""
+    normal = cross(first, second)
+    size = dot(normal, normal)
+    if size <= NEARLY_PARALLEL * dot(first, first) * dot(second, second):
+        return 0.0
+    return abs(dot(normal, centre)) / np.sqrt(size)
+
+
+@njit(cache=True, nogil=True)
+def relative_motion(drift: Vector, first: Vector, second: Vector) -> float:
+    """Return ρ: how far a corner of one edge moves relative to a corner of the other, at most; Å.
+
+    Parameters
+    ----------
+    drift : tuple of 3 floats
+        Motion of the second edge's midpoint relative to the first's.
+    first, second : tuple of 3 floats
+        Motion of the half edge vectors; the four corners move by drift ± first ± second.
+    """
+    a, b, c = dot(drift, first), dot(drift, second), dot(first, second)
+    most = max(max(a + b + c, a - b - c), max(b - a - c, c - a - b))
+    squared = dot(drift, drift) + dot(first, first) + dot(second, second) + 2.0 * most
+    return np.sqrt(max(squared, 0.0)) * (1.0 + 32.0 * UNIT_ROUNDOFF)
 
 
 @njit(cache=True, nogil=True)
@@ -198,7 +220,8 @@ def direction_clearance(
     best = -np.inf
     size0, size1 = norm(n0), norm(n1)
     middle = add(scale(1.0 / size0, n0), scale(1.0 / size1, n1)) if size0 > 0.0 and size1 > 0.0 else n0
-    for w in (n0, n1, middle):
+    for k in range(3):
+        w = n0 if k == 0 else (n1 if k == 1 else middle)
         low0 = dual_bound(w, start[0], start[1], start[2], start[3])
         low1 = dual_bound(w, end[0], end[1], end[2], end[3])
         best = max(best, min(low0, low1))
@@ -221,50 +244,98 @@ def hull_clearance(
 
 
 @njit(cache=True, nogil=True)
-def climb_pair(
+def cheap_bounds(
+    centre0: Vector,
+    centre1: Vector,
+    first0: Vector,
+    second0: Vector,
+    first1: Vector,
+    second1: Vector,
+    reach: float,
+    slack: float,
+) -> tuple[float, float, float, float]:
+    """Return what is known of a pair without any closest-point search.
+
+    Parameters
+    ----------
+    centre0, centre1 : tuple of 3 floats
+        From the midpoint of the first edge to that of the second, at both ends.
+    first0, second0, first1, second1 : tuple of 3 floats
+        Half edge vectors at both ends.
+    reach : float
+        Sum of the greatest half lengths.
+    slack : float
+        Rounding of the positions themselves, Å.
+
+    Returns
+    -------
+    gap : float
+        Proven lower bound of the distance at all times; useless where negative.
+    low0, low1 : float
+        Proven lower bounds of the distance at the two ends, not negative.
+    rho : float
+        Greatest relative motion of two corners, an upper bound.
+    """
+    drift, w = subtract(centre1, centre0), add(centre0, centre1)
+    rho = relative_motion(drift, subtract(first1, first0), subtract(second1, second0)) + slack
+    length = norm(w)
+    if length == 0.0:
+        return -1.0, 0.0, 0.0, rho
+    rounding = slack + BOUND_ERROR * (length + rho + reach)
+    slab0 = slab_bound(w, centre0, first0, second0) / length - rounding
+    slab1 = slab_bound(w, centre1, first1, second1) / length - rounding
+    return min(slab0, slab1), max(slab0, 0.0), max(slab1, 0.0), rho
+
+
+@njit(cache=True, nogil=True)
+def is_idle(
+    gap: float, low0: float, low1: float, rho: float, least: float, nu0: float, nu1: float, ratio: float
+) -> bool:
+    """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
+    clearance = max(gap, 0.5 * (low0 + low1 - rho))
+    return (
+        clearance > 0.0
+        and clearance >= least
+        and low0 >= nu0
+        and low1 >= nu1
+        and rho <= ratio * (low0 + low1)
+    )
+
+
+@njit(cache=True, nogil=True)
+def settle_pair(
     i: int,
     j: int,
-    image: tuple[int, int, int],
+    image: Counts,
     kind: int,
+    bounds: tuple[float, float, float, float],
     motion: StepMotion,
     edges: IntArray,
-    spheres: Spheres,
     slack: float,
     best: Extremes,
 ) -> None:
     """Settle one pair of edges by the cheapest rung that does, and keep what it adds to the step's extremes."""
-    shift0, shift1 = lattice_vector(image, motion.cell0), lattice_vector(image, motion.cell1)
-    centre0 = subtract(add(row(spheres.mid0, j), shift0), row(spheres.mid0, i))
-    centre1 = subtract(add(row(spheres.mid1, j), shift1), row(spheres.mid1, i))
-    reach = spheres.half[i] + spheres.half[j]
-    rounding = slack + DUAL_ERROR * (norm(centre0) + norm(centre1) + reach)
-    drift = subtract(centre1, centre0)
-    gap = 0.5 * (norm(add(centre0, centre1)) - norm(drift)) - reach - rounding
-    far = motion_bound(i, j, spheres, shift0, shift1)
-    if gap > 0.0 and is_idle(gap, far, kind, best):
-        best.rung_pairs[BROAD_PHASE] += 1
-        return
+    gap, low0, low1, rho = bounds
+    shift0 = lattice_vector(image, basis_of(motion.cell0))
+    shift1 = lattice_vector(image, basis_of(motion.cell1))
     a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
     a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
     c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
     c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
-    slab = slab_bound(centre0, centre1, (subtract(b0, a0), subtract(d0, c0)), (subtract(b1, a1), subtract(d1, c1)))
-    gap = max(gap, slab - rounding)
-    if gap > 0.0 and is_idle(gap, far, kind, best):
-        best.rung_pairs[BROAD_PHASE] += 1
-        return
     _, _, n0 = closest_points(a0, b0, c0, d0)
     _, _, n1 = closest_points(a1, b1, c1, d1)
-    low0 = max(dual_bound(n0, a0, b0, c0, d0) - slack, gap)
-    low1 = max(dual_bound(n1, a1, b1, c1, d1) - slack, gap)
-    rho = relative_motion(a0, b0, c0, d0, a1, b1, c1, d1) + slack
-    keep_nu(i, j, kind, norm(n0), norm(n1), low0, low1, edges, best)
-    keep_ratio(i, j, rho, low0, low1, edges, best)
+    low0 = max(dual_bound(n0, a0, b0, c0, d0) - slack, low0)
+    low1 = max(dual_bound(n1, a1, b1, c1, d1) - slack, low1)
+    keep_nu(edges[i], edges[j], kind, norm(n0), norm(n1), low0, low1, best)
+    keep_ratio(edges[i], edges[j], rho, low0, low1, best)
     rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
     if gap <= 0.0:
         rung = RELATIVE_MOTION
         if clearance <= 0.0:
-            rung, clearance = DIRECTION, direction_clearance(n0, n1, (a0, b0, c0, d0), (a1, b1, c1, d1)) - slack
+            rung, clearance = (
+                DIRECTION,
+                direction_clearance(n0, n1, (a0, b0, c0, d0), (a1, b1, c1, d1)) - slack,
+            )
         if clearance <= 0.0:
             rung, clearance = HULL, hull_clearance((a0, b0, c0, d0), (a1, b1, c1, d1)) - slack
         if clearance <= 0.0:
@@ -272,51 +343,41 @@ def climb_pair(
     best.rung_pairs[rung] += 1
     if clearance < best.least[kind]:
         best.least[kind] = clearance
-        write_pair(best.witness[kind], edges, i, j)
-
-
-@njit(cache=True, nogil=True)
-def motion_bound(i: int, j: int, spheres: Spheres, shift0: Vector, shift1: Vector) -> float:
-    """Return an upper bound of ρ that needs no corners."""
-    return spheres.motion[i] + spheres.motion[j] + norm(subtract(shift1, shift0))
-
-
-@njit(cache=True, nogil=True)
-def is_idle(gap: float, far: float, kind: int, best: Extremes) -> bool:
-    """Return whether a pair at least `gap` apart, moving at most `far`, can change none of the step's extremes."""
-    nearest = min(best.values[NU0_PROVEN], best.values[NU1_PROVEN])
-    return gap >= best.least[kind] and gap >= nearest and far <= 2.0 * gap * best.values[RATIO]
+        best.witness[kind, 0], best.witness[kind, 1] = edges[i, 0], edges[i, 1]
+        best.witness[kind, 2], best.witness[kind, 3] = edges[j, 0], edges[j, 1]
 
 
 @njit(cache=True, nogil=True)
 def keep_nu(
-    i: int, j: int, kind: int, near0: float, near1: float, low0: float, low1: float, edges: IntArray, best: Extremes
+    first: IntArray,
+    second: IntArray,
+    kind: int,
+    near0: float,
+    near1: float,
+    low0: float,
+    low1: float,
+    best: Extremes,
 ) -> None:
-    """Update ν at both ends with one pair."""
+    """Update ν at both ends with one pair of edges."""
     best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0)
     best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1)
     best.values[NU1] = min(best.values[NU1], near1)
     if near0 < best.values[NU0]:
         best.values[NU0] = near0
         best.nu_class[0] = kind
-        write_pair(best.nu_witness, edges, i, j)
+        best.nu_witness[:2], best.nu_witness[2:] = first, second
 
 
 @njit(cache=True, nogil=True)
-def keep_ratio(i: int, j: int, rho: float, low0: float, low1: float, edges: IntArray, best: Extremes) -> None:
-    """Update the greatest ρ/(d0 + d1) with one pair; infinite where no distance is proved."""
+def keep_ratio(
+    first: IntArray, second: IntArray, rho: float, low0: float, low1: float, best: Extremes
+) -> None:
+    """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
     apart = low0 + low1
     ratio = rho / apart if apart > 0.0 else np.inf
     if ratio > best.values[RATIO]:
         best.values[RATIO] = ratio
-        write_pair(best.ratio_witness, edges, i, j)
-
-
-@njit(cache=True, nogil=True)
-def write_pair(witness: IntArray, edges: IntArray, i: int, j: int) -> None:
-    """Write the four vertices of a pair of edges."""
-    witness[0], witness[1] = edges[i, 0], edges[i, 1]
-    witness[2], witness[3] = edges[j, 0], edges[j, 1]
+        best.ratio_witness[:2], best.ratio_witness[2:] = first, second
 
 
 @njit(cache=True, nogil=True)
@@ -350,60 +411,74 @@ def copy_extremes(best: Extremes) -> Extremes:
 
 
 @njit(cache=True, nogil=True)
-def climb_local(
-    motion: StepMotion, edges: IntArray, local_pairs: IntArray, end_terms: IntArray, spheres: Spheres, slack: float
-) -> Extremes:
-    """Return the extremes over the pairs that lie next to each other on their strand, and the end terms of ν.
-
-    The end terms (a vertex against its neighbour, or the neighbour's edge) belong to ν and to the ball rungs alone: a
-    contact there folds an open end back on itself and lets nothing pass.
-    """
-    best = fresh_extremes()
-    for k in range(len(local_pairs)):
-        climb_pair(local_pairs[k, 0], local_pairs[k, 1], (0, 0, 0), 0, motion, edges, spheres, slack, best)
-    for k in range(len(end_terms)):
-        a, b, c, d = end_terms[k]
-        _, _, n0 = closest_points(row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
-        _, _, n1 = closest_points(row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
-        near0, near1 = norm(n0), norm(n1)
-        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], near0 * (1.0 - DUAL_ERROR) - slack)
-        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], near1 * (1.0 - DUAL_ERROR) - slack)
-        best.values[NU1] = min(best.values[NU1], near1)
-        if near0 < best.values[NU0]:
-            best.values[NU0], best.nu_class[0] = near0, 0
-            best.nu_witness[0], best.nu_witness[1], best.nu_witness[2], best.nu_witness[3] = a, b, c, d
-    return best
-
-
-@njit(cache=True, nogil=True)
-def climb_candidates(
+def climb_pairs(
+    pairs: IntArray,
+    images: IntArray,
+    local: bool,
     motion: StepMotion,
     edges: IntArray,
     following: IntArray,
     trace: IntArray,
-    pads: FloatArray,
-    periodic: bool,
     spheres: Spheres,
     slack: float,
     best: Extremes,
-) -> tuple[float, int]:
-    """Climb every pair whose padded spheres meet; return the greatest drift of an image among them, and their count."""
-    radii = spheres.half + pads
-    pairs, images = candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
-    drift, move = 0.0, motion.cell1 - motion.cell0
-    tested = 0
+) -> float:
+    """Climb a list of pairs, and return the greatest drift of an image among them, Å.
+
+    Where the list is not the local one, pairs that are local are passed over: they have been climbed already. A pair is
+    settled in full unless its cheap bounds show that it can change none of the step's extremes.
+    """
+    basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+    mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
+    values, least, rung_pairs = best.values, best.least, best.rung_pairs
+    greatest_drift, image, kind = 0.0, (0, 0, 0), 0
     for k in range(len(pairs)):
-        i, j = pairs[k]
-        image = (images[k, 0], images[k, 1], images[k, 2])
-        home = image[0] == 0 and image[1] == 0 and image[2] == 0
-        if home and are_neighbours(i, j, following):
-            continue
-        if not home:
-            drift = max(drift, norm(lattice_vector(image, move)))
-        kind = 1 if trace[i] == trace[j] else 2
-        climb_pair(i, j, image, kind, motion, edges, spheres, slack, best)
-        tested += 1
-    return drift, tested
+        i, j = pairs[k, 0], pairs[k, 1]
+        centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
+        if not local:
+            image = (images[k, 0], images[k, 1], images[k, 2])
+            kind = 1 if trace[i] == trace[j] else 2
+            if image != (0, 0, 0):
+                shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+                centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
+                greatest_drift = max(greatest_drift, norm(subtract(shift1, shift0)))
+            elif are_neighbours(i, j, following):
+                continue
+        f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
+        nu0, nu1, ratio = values[NU0_PROVEN], values[NU1_PROVEN], values[RATIO]
+        idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        if not idle:
+            rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
+            low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
+            low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
+            idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        if idle:
+            rung_pairs[BROAD_PHASE if gap > 0.0 else RELATIVE_MOTION] += 1
+        else:
+            settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, slack, best)
+    return greatest_drift
+
+
+@njit(cache=True, nogil=True)
+def meet_end_terms(motion: StepMotion, end_terms: IntArray, slack: float, best: Extremes) -> None:
+    """Take the end terms into ν: a vertex against its neighbour, or against the neighbour's edge.
+
+    They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and lets nothing pass.
+    """
+    for k in range(len(end_terms)):
+        a, b, c, d = end_terms[k, 0], end_terms[k, 1], end_terms[k, 2], end_terms[k, 3]
+        _, _, n0 = closest_points(row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
+        _, _, n1 = closest_points(row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
+        near0, near1 = norm(n0), norm(n1)
+        low0 = dual_bound(n0, row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
+        low1 = dual_bound(n1, row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
+        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0 - slack)
+        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1 - slack)
+        best.values[NU1] = min(best.values[NU1], near1)
+        if near0 < best.values[NU0]:
+            best.values[NU0], best.nu_class[0] = near0, 0
+            best.nu_witness[0], best.nu_witness[1], best.nu_witness[2], best.nu_witness[3] = a, b, c, d
 
 
 @njit(cache=True, nogil=True)
@@ -443,27 +518,59 @@ def measure_step(
     displacement, vertex = greatest_displacement(motion.x0, motion.x1)
     slack = PLACING_ERROR * greatest_coordinate(motion) if periodic else 0.0
     spheres = spheres_of(motion, edges)
-    local = climb_local(motion, edges, local_pairs, end_terms, spheres, slack)
+    local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
+    climb_pairs(local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, local)
+    meet_end_terms(motion, end_terms, slack, local)
     has_self, has_inter = has_pairs(trace, following, periodic)
-    edge_length = 2.0 * spheres.half.mean() if len(edges) else 0.0
-    reach = min(local.values[NU0], edge_length)
-    best, drift = copy_extremes(local), 0.0
+    edge_length = mean_edge_length(spheres)
+    widest = WIDEST_REACH * edge_length
+    reach, drift, best = min(FIRST_REACH * local.values[NU0], edge_length), 0.0, local
     while len(edges) > 0:
-        pads = np.maximum(0.5 * reach, 0.5 * RATIO_REACH * spheres.motion)
+        radii = padded_radii(spheres, reach)
+        pairs, images = candidate_pairs(
+            spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic
+        )
         best = copy_extremes(local)
-        drift, _ = climb_candidates(motion, edges, following, trace, pads, periodic, spheres, slack, best)
-        lost = (has_self and best.least[1] > reach) or (has_inter and best.least[2] > reach)
-        if not lost or reach >= WIDEST_REACH * edge_length:
+        drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, best)
+        wanted = max(best.least[1] if has_self else 0.0, best.least[2] if has_inter else 0.0)
+        if wanted <= reach or reach >= widest:
             break
-        reach = min(2.0 * reach + 0.1 * edge_length, WIDEST_REACH * edge_length)
+        reach = min(min(wanted, 2.0 * reach + 0.1 * edge_length), widest)
     return conclude(best, displacement, vertex, drift, reach, has_self, has_inter)
+
+
+@njit(cache=True, nogil=True)
+def mean_edge_length(spheres: Spheres) -> float:
+    """Return the mean length of the edges, each at the end of the step where it is longer, Å."""
+    total = 0.0
+    for half in spheres.half:
+        total += 2.0 * half
+    return total / max(len(spheres.half), 1)
+
+
+@njit(cache=True, nogil=True)
+def padded_radii(spheres: Spheres, reach: float) -> FloatArray:
+    """Return radii such that two spheres that never meet belong to edges that stay more than `reach` apart.
+
+    They also have a ratio below 1/RATIO_REACH.
+    """
+    radii = np.empty(len(spheres.half))
+    for k in range(len(radii)):
+        radii[k] = spheres.half[k] + max(0.5 * reach, 0.5 * RATIO_REACH * spheres.motion[k])
+    return radii
 
 
 @njit(cache=True, nogil=True)
 def greatest_coordinate(motion: StepMotion) -> float:
     """Return the greatest coordinate that placing an image can meet, Å."""
-    cells = np.abs(motion.cell0).sum() + np.abs(motion.cell1).sum()
-    return max(np.abs(motion.x0).max(), np.abs(motion.x1).max()) + cells
+    greatest, cells = 0.0, 0.0
+    for i in range(len(motion.x0)):
+        for axis in range(3):
+            greatest = max(greatest, abs(motion.x0[i, axis]), abs(motion.x1[i, axis]))
+    for k in range(3):
+        for axis in range(3):
+            cells += abs(motion.cell0[k, axis]) + abs(motion.cell1[k, axis])
+    return greatest + cells
 
 
 @njit(cache=True, nogil=True)
@@ -481,7 +588,13 @@ def has_pairs(trace: IntArray, following: IntArray, periodic: bool) -> tuple[boo
 
 @njit(cache=True, nogil=True)
 def conclude(
-    best: Extremes, displacement: float, vertex: int, drift: float, reach: float, has_self: bool, has_inter: bool
+    best: Extremes,
+    displacement: float,
+    vertex: int,
+    drift: float,
+    reach: float,
+    has_self: bool,
+    has_inter: bool,
 ) -> StepMeasure:
     """Return the step's measure: the ball rungs, the rung of the step, and clearances capped at what was searched."""
     counts = best.rung_pairs.copy()
@@ -495,8 +608,10 @@ def conclude(
             rung = k
     if max(ball, two_frame_ball) > 0.0:
         rung = BALL if ball > 0.0 else TWO_FRAME_BALL
-        total = counts.sum()
-        counts[:] = 0
+        total = 0
+        for k in range(N_RUNGS):
+            total += counts[k]
+            counts[k] = 0
         counts[rung] = total
         for kind in range(3):
             clearances[kind] = max(clearances[kind], max(ball, two_frame_ball))

@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.bonds import BondLimits, BondState
+from mdtopo.bonds import BondLimits, BondState, reference_lengths
 from mdtopo.curves import edge_lengths, step_motion, whole_strands
 from mdtopo.errors import InputError
+from mdtopo.geometry.rigid import best_rotations, covariance, rotation_angles
 from mdtopo.ladder import N_RUNGS, measure_step
 from mdtopo.records import (
     BrokenEdge,
@@ -50,7 +51,8 @@ class Columns(NamedTuple):
 
     displacement: FloatArray
     displacement_vertex: IntArray
-    rotation: FloatArray
+    angle: FloatArray
+    is_turned: BoolArray
     translation: FloatArray
     nu: FloatArray
     nu_witness: IntArray
@@ -90,11 +92,24 @@ def whole_frames(
 
 
 @njit(cache=True, nogil=True)
+def covariances(
+    positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray
+) -> FloatArray:
+    """Return the covariance of each step's two frames, shape (k, 3, 3); zero where the step is not measurable."""
+    found = np.zeros((len(measurable), 3, 3))
+    for k in range(len(measurable)):
+        if measurable[k]:
+            found[k] = covariance(positions[k], positions[k + 1], vertices, groups)
+    return found
+
+
+@njit(cache=True, nogil=True)
 def measure_steps(
     frames: WholeFrames,
     measurable: BoolArray,
     periodic: bool,
     rigid: bool,
+    rotations: FloatArray,
     vertices: IntArray,
     offsets: IntArray,
     edges: IntArray,
@@ -115,19 +130,20 @@ def measure_steps(
             frames.cells[k + 1],
             periodic,
             rigid,
+            rotations[k],
             vertices,
             offsets,
         )
-        out.rotation[k], out.translation[k] = motion.rotation, motion.translation
-        out.cell_ok[k] = motion.usable
+        out.is_turned[k], out.cell_ok[k] = motion.is_turned, motion.usable
+        out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
         if not motion.usable:
             continue
         m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms)
         out.displacement[k], out.displacement_vertex[k] = m.displacement, m.displacement_vertex
-        out.nu[k], out.nu_witness[k], out.nu_class[k] = m.nu, m.nu_witness, m.nu_class
-        out.ratio[k], out.ratio_witness[k] = m.ratio, m.ratio_witness
-        out.clearances[k], out.clearance_witness[k] = m.clearances, m.clearance_witness
-        out.rung[k], out.rung_pairs[k] = m.rung, m.rung_pairs
+        out.nu[k], out.nu_class[k], out.ratio[k], out.rung[k] = m.nu, m.nu_class, m.ratio, m.rung
+        out.nu_witness[k, :], out.ratio_witness[k, :] = m.nu_witness, m.ratio_witness
+        out.clearances[k, :], out.clearance_witness[k, :, :] = m.clearances, m.clearance_witness
+        out.rung_pairs[k, :] = m.rung_pairs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -281,12 +297,19 @@ def _measure(
     later = block.times[part.start + 1 : part.stop + 1]
     forward = ~(later <= block.times[part.start : part.stop])  # an unknown time (NaN) is no objection
     measurable = usable[part] & usable[part.start + 1 : part.stop + 1] & forward
-    t = setting.traces
+    t, periodic, rigid = setting.traces, block.cells is not None, setting.config.motion == "rigid"
+    rotations = np.broadcast_to(np.eye(3), (n_steps, 3, 3))
+    if rigid:
+        # about each strand's own centre where the image of a strand is arbitrary, else about the common one
+        groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
+        rotations = best_rotations(covariances(here.positions, measurable, t.vertices, groups))
+    columns.angle[part] = rotation_angles(rotations)
     measure_steps(
         here,
         measurable,
-        block.cells is not None,
-        setting.config.motion == "rigid",
+        periodic,
+        rigid,
+        np.ascontiguousarray(rotations),
         t.vertices,
         t.offsets,
         t.edges,
@@ -308,7 +331,8 @@ def _empty_columns(n: int) -> Columns:
     return Columns(
         displacement=number(),
         displacement_vertex=index(),
-        rotation=number(),
+        angle=number(),
+        is_turned=np.zeros(n, dtype=np.bool_),
         translation=number(3),
         nu=number(),
         nu_witness=index(4),
@@ -333,6 +357,7 @@ def _table(
     setting: Setting,
 ) -> StepTable:
     step_problems = _step_problems(block, problems, usable)
+    measured = ~np.isnan(columns.displacement)
     clearance, pair = _least_clearance(columns)
     verdict, reason = _verdicts(columns, np.array([bool(p) for p in step_problems], dtype=np.bool_))
     stretch, stretch_edge = _greatest_stretch(ratios[1:], setting.strands.edges)
@@ -350,7 +375,7 @@ def _table(
         time_t1=block.times[1:],
         displacement_max=columns.displacement,
         displacement_vertex=columns.displacement_vertex,
-        rotation_angle=columns.rotation,
+        rotation_angle=np.where(measured, np.where(columns.is_turned, columns.angle, 0.0), np.nan),
         translation=columns.translation,
         nu=columns.nu,
         nu_pair=columns.nu_witness.reshape(-1, 2, 2),
@@ -424,7 +449,10 @@ def _stretches(first_step: int, ratios: Ratios, setting: Setting) -> Stretches:
         return Stretches.none()
     row, edge = np.nonzero(over)
     return Stretches(
-        step=first_step + row, edge=setting.strands.edges[edge], ratio=ratios[row, edge], limit=setting.limits.stretch[edge]
+        step=first_step + row,
+        edge=setting.strands.edges[edge],
+        ratio=ratios[row, edge],
+        limit=setting.limits.stretch[edge],
     )
 
 
@@ -433,22 +461,31 @@ def reference_samples(frames: list[Frame], strands: Strands) -> Lengths:
     traces = Traces.of(strands)
     samples = np.full((len(frames), len(strands.edges)), np.nan)
     for k, frame in enumerate(frames):
-        if not frame.is_finite:
-            continue
-        periodic = frame.cell is not None
-        cell = frame.cell if frame.cell is not None else np.zeros((3, 3))
-        whole = whole_frames(
-            frame.positions[np.newaxis],
-            cell[np.newaxis],
-            np.ones(1, dtype=np.bool_),
-            periodic,
-            traces.vertices,
-            traces.offsets,
-            traces.closed,
-            traces.edges,
-        )
-        samples[k, traces.edge_index] = whole.lengths[0]
+        if frame.is_finite:
+            samples[k, traces.edge_index] = _one_whole_frame(frame, traces).lengths[0]
     return samples
+
+
+def ring_windings(frame: Frame, strands: Strands) -> Iterator[tuple[str, list[int]]]:
+    """Yield the name and the winding, in reduced lattice vectors, of each ring that closes through the boundary."""
+    traces = Traces.of(strands)
+    winding = _one_whole_frame(frame, traces).winding[0]
+    for trace in np.flatnonzero(winding.any(axis=1)):
+        yield strands.names[trace], winding[trace].tolist()
+
+
+def _one_whole_frame(frame: Frame, traces: Traces) -> WholeFrames:
+    cell = frame.cell if frame.cell is not None else np.zeros((3, 3))
+    return whole_frames(
+        frame.positions[np.newaxis],
+        cell[np.newaxis],
+        np.ones(1, dtype=np.bool_),
+        frame.cell is not None,
+        traces.vertices,
+        traces.offsets,
+        traces.closed,
+        traces.edges,
+    )
 
 
 def polyline_step(
@@ -501,7 +538,7 @@ def polyline_step(
     if cell_t0 is not None and cell_t1 is not None:
         cells = np.stack([checked_cell(cell_t0, "cell_t0"), checked_cell(cell_t1, "cell_t1")])
     frame = Frame(0, np.nan, x0, None if cells is None else cells[0])
-    reference = _reference_of([frame], strands)
+    reference = reference_lengths(reference_samples([frame], strands))
     setting = Setting.start(strands, config or MonitorConfig(), reference)
     block = FrameBlock(
         0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", "")
@@ -537,12 +574,6 @@ def nu(x: Points, strands: Strands, *, cell: Cell | None = None) -> float:
     return polyline_step(x, x, strands, cell_t0=cell, cell_t1=cell, config=MonitorConfig(motion="lab")).nu
 
 
-def _reference_of(frames: list[Frame], strands: Strands) -> ReferenceLengths:
-    from mdtopo.bonds import reference_lengths
-
-    return reference_lengths(reference_samples(frames, strands))
-
-
 def checked_positions(x: Points, strands: Strands, name: str) -> Points:
     """Return positions as C-contiguous float64.
 
@@ -556,7 +587,9 @@ def checked_positions(x: Points, strands: Strands, name: str) -> Points:
         raise InputError(f"{name} has shape {array.shape}; the strands need ({strands.n_vertices}, 3).")
     if not np.isfinite(array).all():
         vertex = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(f"{name} holds {array[vertex].tolist()} at vertex {vertex}; coordinates must be finite.")
+        raise InputError(
+            f"{name} holds {array[vertex].tolist()} at vertex {vertex}; coordinates must be finite."
+        )
     return array
 
 
@@ -570,11 +603,7 @@ def checked_cell(cell: Cell, name: str) -> Cell:
     """
     array = np.ascontiguousarray(cell, dtype=np.float64)
     if array.shape != (3, 3) or not np.isfinite(array).all() or np.linalg.det(array) == 0.0:
-        raise InputError(f"{name} must be a (3, 3) array of lattice vectors as rows, with a volume; got {cell!r}.")
+        raise InputError(
+            f"{name} must be a (3, 3) array of lattice vectors as rows, with a volume; got {cell!r}."
+        )
     return array
-
-
-def all_measured(tables: Iterator[StepTable]) -> Iterator[StepReport]:
-    """Yield the steps of a stream of tables, one object each."""
-    for table in tables:
-        yield from table.reports()

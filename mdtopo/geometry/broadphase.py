@@ -4,7 +4,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.geometry.lattice import fractions, lattice_vector
+from mdtopo.geometry.lattice import (
+    Basis,
+    Counts,
+    basis_of,
+    combine,
+    floors,
+    inverse_heights,
+    inverse_of,
+    lattice_vector,
+    middle_of,
+    volume,
+)
 from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 
 CELLS_PER_SPHERE = 4
@@ -12,6 +23,9 @@ CELLS_PER_SPHERE = 4
 
 OVERLAP_GUARD = 1.0 + 1e-12
 """Radii are enlarged by this factor: no pair is lost to rounding of a centre, a radius or a cell index."""
+
+GRID_GUARD = 1.0 + 1e-9
+"""Cells are wider than needed by this factor: rounding of an index cannot put a pair one cell further apart."""
 
 MAX_CELL_DRIFT = 0.8
 """Beyond this the linear path between two cells comes near a cell without volume, and images cannot be counted."""
@@ -22,7 +36,12 @@ FloatArray = NDArray[np.float64]
 
 @njit(cache=True, nogil=True)
 def candidate_pairs(
-    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool
+    mid0: FloatArray,
+    mid1: FloatArray,
+    radii: FloatArray,
+    cell0: FloatArray,
+    cell1: FloatArray,
+    periodic: bool,
 ) -> tuple[IntArray, IntArray]:
     """Return every pair of linearly moving spheres that may overlap during the step, periodic images included.
 
@@ -49,135 +68,130 @@ def candidate_pairs(
     Conservative: no pair, in no image, that overlaps at some time is missing; each appears once. A pair of the list
     need not overlap: each sphere stands for all that it sweeps.
     """
-    source, images, home, centres, sizes = _sweep(mid0, mid1, radii, cell0, cell1, periodic)
-    order, starts, shape = _bin(centres, 2.0 * sizes.max())
-    found, count = _scan(order, starts, shape, centres, sizes, len(radii))
-    pairs = np.empty((count, 2), dtype=np.int64)
-    shifts = np.zeros((count, 3), dtype=np.int64)
+    m = len(radii)
+    source, images = np.arange(m), np.zeros((m, 3), dtype=np.int64)
+    basis0, basis1 = basis_of(cell0), basis_of(cell1)
+    if periodic:
+        source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
+    spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
+    order, starts, shape = _bin(spheres)
+    found, count = _scan(order, starts, shape, spheres[order], m)
+    pairs, shifts = np.empty((count, 2), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
         pairs[k, 0], pairs[k, 1] = source[first], source[second]
         if periodic:
             for axis in range(3):
-                shifts[k, axis] = images[second, axis] - home[source[first], axis]
+                shifts[k, axis] = images[second, axis] - images[first, axis]
     return pairs, shifts
 
 
 @njit(cache=True, nogil=True)
-def _sweep(
-    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool
-) -> tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]:
-    """Return swept spheres: the real ones first, then their ghosts; with source, image, centre and radius of each.
+def _swept_sphere(
+    mid0: Vector, mid1: Vector, radius: float, counts: Counts, basis0: Basis, basis1: Basis
+) -> tuple[Vector, float]:
+    """Return the sphere that holds one image of a moving sphere at all times.
 
     An image moves with its lattice vector, so its sweep is computed from its own two ends.
     """
-    m = len(radii)
-    source, centres, sizes = np.arange(m), np.empty((m, 3)), np.empty(m)
-    home = np.zeros((m, 3), dtype=np.int64)
-    if periodic:
-        inverse = np.linalg.inv(0.5 * (cell0 + cell1))
-        for i in range(m):
-            f = fractions(scale(0.5, add(row(mid0, i), row(mid1, i))), inverse)
-            for axis in range(3):
-                home[i, axis] = -int(np.floor(f[axis]))
-    for i in range(m):
-        counts = (home[i, 0], home[i, 1], home[i, 2])
-        centre, size = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], counts, cell0, cell1, periodic)
-        centres[i, 0], centres[i, 1], centres[i, 2] = centre
-        sizes[i] = size
-    if not periodic:
-        return source, home, home, centres, sizes
-    ghost_source, ghost_images = _ghosts(centres, sizes, cell0, cell1, home)
-    total = m + len(ghost_source)
-    all_centres, all_sizes = np.empty((total, 3)), np.empty(total)
-    all_centres[:m], all_sizes[:m] = centres, sizes
-    for k in range(m, total):
-        i, image = ghost_source[k - m], ghost_images[k - m]
-        counts = (image[0], image[1], image[2])
-        centre, size = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], counts, cell0, cell1, True)
-        all_centres[k, 0], all_centres[k, 1], all_centres[k, 2] = centre
-        all_sizes[k] = size
-    return (
-        np.concatenate((source, ghost_source)),
-        np.concatenate((home, ghost_images)),
-        home,
-        all_centres,
-        all_sizes,
-    )
-
-
-@njit(cache=True, nogil=True)
-def _swept_sphere(
-    mid0: Vector,
-    mid1: Vector,
-    radius: float,
-    counts: tuple[int, int, int],
-    cell0: FloatArray,
-    cell1: FloatArray,
-    periodic: bool,
-) -> tuple[Vector, float]:
-    """Return the sphere that holds one image of a moving sphere at all times."""
-    start, end = mid0, mid1
-    if periodic:
-        start, end = add(start, lattice_vector(counts, cell0)), add(end, lattice_vector(counts, cell1))
+    start, end = add(mid0, lattice_vector(counts, basis0)), add(mid1, lattice_vector(counts, basis1))
     size = radius + 0.5 * norm(subtract(end, start))
     return scale(0.5, add(start, end)), size * OVERLAP_GUARD
 
 
 @njit(cache=True, nogil=True)
-def cell_drift(cell0: FloatArray, cell1: FloatArray) -> float:
-    """Return how far a neighbouring image drifts in half a step, in units of the least height of the cell.
-
-    The greatest half shift of s·(cell1 - cell0) over |s_k| ≤ 1 stands at a corner of that cube.
-    """
-    move, inverse = cell1 - cell0, np.linalg.inv(0.5 * (cell0 + cell1))
-    greatest = 0.0
-    for b in (-1.0, 1.0):
-        for c in (-1.0, 1.0):
-            corner = add(row(move, 0), add(scale(b, row(move, 1)), scale(c, row(move, 2))))
-            greatest = max(greatest, 0.5 * norm(corner))
-    return greatest * np.sqrt((inverse * inverse).sum(axis=0).max())
+def _swept_spheres(
+    source: IntArray,
+    images: IntArray,
+    mid0: FloatArray,
+    mid1: FloatArray,
+    radii: FloatArray,
+    basis0: Basis,
+    basis1: Basis,
+) -> FloatArray:
+    """Return what the given images of the given spheres sweep: rows (x, y, z, radius)."""
+    swept = np.empty((len(source), 4))
+    for k in range(len(source)):
+        i = source[k]
+        counts = (images[k, 0], images[k, 1], images[k, 2])
+        centre, size = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], counts, basis0, basis1)
+        swept[k, 0], swept[k, 1], swept[k, 2] = centre
+        swept[k, 3] = size
+    return swept
 
 
 @njit(cache=True, nogil=True)
-def _ghosts(
-    centres: FloatArray, sizes: FloatArray, cell0: FloatArray, cell1: FloatArray, home: IntArray
+def _with_ghosts(
+    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis
 ) -> tuple[IntArray, IntArray]:
-    """Return the images, one half space of shifts only, that can reach a sphere centred in the home cell.
+    """Return source and image of each sphere brought into the home cell, and of the ghosts that can reach one there.
 
-    Of the two descriptions of a pair, (i, j + s) and (j, i - s), one has a lexicographically positive shift.
+    Ghosts come from one half space of shifts only: of the two descriptions of a pair, (i, j + s) and (j, i - s), one has
+    a lexicographically positive shift.
 
     An image with fractions f + s meets a home sphere only if -reach ≤ f + s ≤ 1 + reach along each axis, reach being
     the two radii over the height of the cell. Its radius has grown by its drift, at most n·drift for max|s| = n, and
     n ≤ 1 + reach + n·drift bounds n where drift < 1.
     """
-    inverse = np.linalg.inv(0.5 * (cell0 + cell1))
-    heights = np.sqrt((inverse * inverse).sum(axis=0))  # one over the distance of opposite faces
-    largest, drift = sizes.max(), cell_drift(cell0, cell1)
-    furthest = (1.0 + 2.0 * largest * heights.max()) / (1.0 - drift)
-    capacity, count = len(sizes) + 64, 0
+    m = len(radii)
+    inverse = inverse_of(middle_of(basis0, basis1))
+    heights = inverse_heights(inverse)
+    thin = max(heights[0], heights[1], heights[2])
+    home = np.empty((m, 3), dtype=np.int64)
+    places = np.empty((m, 4))  # fractions within the home cell, and the radius
+    largest = 0.0
+    for i in range(m):
+        f = combine(scale(0.5, add(row(mid0, i), row(mid1, i))), inverse)
+        whole = floors(f)
+        home[i, 0], home[i, 1], home[i, 2] = -whole[0], -whole[1], -whole[2]
+        counts = (-whole[0], -whole[1], -whole[2])
+        _, size = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], counts, basis0, basis1)
+        places[i, 0], places[i, 1], places[i, 2] = f[0] - whole[0], f[1] - whole[1], f[2] - whole[2]
+        places[i, 3] = size
+        largest = max(largest, size)
+    drift = cell_drift(basis0, basis1)
+    blur = (1.0 + 2.0 * largest * thin) / (
+        1.0 - drift
+    ) * drift + 1e-9  # drift of the image, and rounding of f
+    count, capacity = m, 2 * m + 64
     source, images = np.empty(capacity, dtype=np.int64), np.empty((capacity, 3), dtype=np.int64)
-    low, high = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    for i in range(len(sizes)):
-        f = fractions(row(centres, i), inverse)
-        for axis in range(3):
-            reach = (sizes[i] + largest) * heights[axis] + furthest * drift + 1e-9  # rounding of f
-            low[axis] = int(np.ceil(-reach - f[axis]))
-            high[axis] = int(np.floor(1.0 + reach - f[axis]))
-        for a in range(max(low[0], 0), high[0] + 1):
-            for b in range(low[1], high[1] + 1):
-                for c in range(low[2], high[2] + 1):
+    source[:m], images[:m] = np.arange(m), home
+    for i in range(m):
+        x, y, z, size = places[i, 0], places[i, 1], places[i, 2], places[i, 3] + largest
+        reach = (size * heights[0] + blur, size * heights[1] + blur, size * heights[2] + blur)
+        for a in range(0, int(np.floor(1.0 + reach[0] - x)) + 1):
+            for b in range(int(np.ceil(-reach[1] - y)), int(np.floor(1.0 + reach[1] - y)) + 1):
+                for c in range(int(np.ceil(-reach[2] - z)), int(np.floor(1.0 + reach[2] - z)) + 1):
                     if a == 0 and (b < 0 or (b == 0 and c <= 0)):
                         continue
                     if count == capacity:
                         capacity *= 2
                         source, images = _grown(source, capacity), _grown_rows(images, capacity)
                     source[count] = i
-                    images[count, 0] = home[i, 0] + a
-                    images[count, 1] = home[i, 1] + b
+                    images[count, 0], images[count, 1] = home[i, 0] + a, home[i, 1] + b
                     images[count, 2] = home[i, 2] + c
                     count += 1
     return source[:count].copy(), images[:count].copy()
+
+
+@njit(cache=True, nogil=True)
+def cell_drift(basis0: Basis, basis1: Basis) -> float:
+    """Return how far a neighbouring image drifts in half a step, in units of the least height of the cell.
+
+    The greatest half shift of s·(basis1 - basis0) over |s_k| ≤ 1 stands at a corner of that cube.
+    """
+    x, y, z = subtract(basis1[0], basis0[0]), subtract(basis1[1], basis0[1]), subtract(basis1[2], basis0[2])
+    greatest = 0.0
+    for corner in range(4):
+        b, c = 1.0 - 2.0 * (corner & 1), 1.0 - (corner & 2)
+        greatest = max(greatest, 0.5 * norm(add(x, add(scale(b, y), scale(c, z)))))
+    middle = middle_of(basis0, basis1)
+    if greatest == 0.0:
+        return 0.0
+    if abs(volume(middle)) <= 1e-12 * abs(volume(basis0)):
+        return np.inf
+    heights = inverse_heights(inverse_of(middle))
+    return greatest * max(heights[0], heights[1], heights[2])
 
 
 @njit(cache=True, nogil=True)
@@ -195,27 +209,28 @@ def _grown_rows(values: IntArray, capacity: int) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def _bin(centres: FloatArray, width: float) -> tuple[IntArray, IntArray, IntArray]:
-    """Return spheres sorted by grid cell (x fastest), the start of each cell in that order, and the grid's shape."""
-    n = len(centres)
-    lowest, extent = np.empty(3), np.empty(3)
-    for axis in range(3):
-        lowest[axis] = centres[:, axis].min()
-        extent[axis] = centres[:, axis].max() - lowest[axis]
-    limit = CELLS_PER_SPHERE * n + 64
-    width = max(width, 1e-300)
-    while np.prod(np.floor(extent / width) + 1.0) > limit:
-        width *= 1.26  # doubles the volume of a cell
-    shape = np.empty(3, dtype=np.int64)
-    for axis in range(3):
-        shape[axis] = int(np.floor(extent[axis] / width)) + 1
-    cell_of = np.empty(n, dtype=np.int64)
-    starts = np.zeros(shape[0] * shape[1] * shape[2] + 1, dtype=np.int64)
+def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
+    """Return the spheres sorted by grid cell (x fastest), the start of each cell in that order, the grid's shape, and
+    how many cells a pair can span.
+    """
+    n = len(spheres)
+    low, high, largest = row(spheres, 0), row(spheres, 0), 0.0
     for i in range(n):
-        a = min(int((centres[i, 0] - lowest[0]) / width), shape[0] - 1)
-        b = min(int((centres[i, 1] - lowest[1]) / width), shape[1] - 1)
-        c = min(int((centres[i, 2] - lowest[2]) / width), shape[2] - 1)
-        cell_of[i] = (c * shape[1] + b) * shape[0] + a
+        v = row(spheres, i)
+        low = (min(low[0], v[0]), min(low[1], v[1]), min(low[2], v[2]))
+        high = (max(high[0], v[0]), max(high[1], v[1]), max(high[2], v[2]))
+        largest = max(largest, spheres[i, 3])
+    extent, width = subtract(high, low), max(2.0 * largest * GRID_GUARD, 1e-300)
+    limit = CELLS_PER_SPHERE * n + 64
+    while (extent[0] // width + 1.0) * (extent[1] // width + 1.0) * (extent[2] // width + 1.0) > limit:
+        width *= 1.26  # doubles the volume of a cell
+    nx, ny, nz = int(extent[0] // width) + 1, int(extent[1] // width) + 1, int(extent[2] // width) + 1
+    cell_of, starts = np.empty(n, dtype=np.int64), np.zeros(nx * ny * nz + 1, dtype=np.int64)
+    for i in range(n):
+        a = min(int((spheres[i, 0] - low[0]) / width), nx - 1)
+        b = min(int((spheres[i, 1] - low[1]) / width), ny - 1)
+        c = min(int((spheres[i, 2] - low[2]) / width), nz - 1)
+        cell_of[i] = (c * ny + b) * nx + a
         starts[cell_of[i] + 1] += 1
     for k in range(1, len(starts)):
         starts[k] += starts[k - 1]
@@ -223,83 +238,74 @@ def _bin(centres: FloatArray, width: float) -> tuple[IntArray, IntArray, IntArra
     for i in range(n):
         order[filled[cell_of[i]]] = i
         filled[cell_of[i]] += 1
-    return order, starts, shape
+    return order, starts, (nx, ny, nz)
 
 
 @njit(cache=True, nogil=True)
 def _scan(
-    order: IntArray, starts: IntArray, shape: IntArray, centres: FloatArray, sizes: FloatArray, n_real: int
+    order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray, n_real: int
 ) -> tuple[IntArray, int]:
-    """Return the overlapping pairs (as sphere indices, the real one first), not counting two ghosts."""
-    sorted_centres, sorted_sizes = centres[order], sizes[order]
+    """Return the overlapping pairs, lower index first, without those of two ghosts.
+
+    Each cell meets the rest of its own row, and those of the rows beside it that come later.
+    """
+    nx, ny, nz = shape
     found, count = np.empty((8 * len(order) + 64, 2), dtype=np.int64), 0
-    for c in range(shape[2]):
-        for b in range(shape[1]):
-            for a in range(shape[0]):
-                cell = (c * shape[1] + b) * shape[0] + a
-                begin, end = starts[cell], starts[cell + 1]
-                if begin == end:
-                    continue
-                beside = starts[min(cell + 2, (c * shape[1] + b + 1) * shape[0])]
-                for neighbour in range(5):  # this row from here on, then the four rows that come later
-                    if neighbour == 0:
-                        lower, upper = begin, beside
-                    else:
-                        lower, upper = _later_row(neighbour, a, b, c, shape, starts)
-                    if lower == upper:
-                        continue
-                    for p in range(begin, end):
-                        centre, size = row(sorted_centres, p), sorted_sizes[p]
-                        if count + upper - lower > len(found):
-                            found = _grown_rows(found, 2 * len(found) + upper - lower)
-                        for q in range(max(lower, p + 1) if neighbour == 0 else lower, upper):
-                            apart = subtract(row(sorted_centres, q), centre)
-                            reach = size + sorted_sizes[q]
-                            if dot(apart, apart) <= reach * reach:
-                                first, second = min(order[p], order[q]), max(order[p], order[q])
-                                if first < n_real:
-                                    found[count, 0], found[count, 1] = first, second
-                                    count += 1
+    for cell in range(nx * ny * nz):
+        begin, end = starts[cell], starts[cell + 1]
+        if begin == end:
+            continue
+        a, b, c = cell % nx, (cell // nx) % ny, cell // (nx * ny)
+        left, right = max(a - 1, 0), min(a + 2, nx)
+        for other_c in range(c, min(c + 2, nz)):
+            for other_b in range(b if other_c == c else max(b - 1, 0), min(b + 2, ny)):
+                first_cell = (other_c * ny + other_b) * nx
+                own_row = other_b == b and other_c == c
+                lower, upper = starts[first_cell + left], starts[first_cell + right]
+                if count + (end - begin) * (upper - lower) > len(found):
+                    found = _grown_rows(found, 2 * len(found) + (end - begin) * (upper - lower))
+                for p in range(begin, end):
+                    x, y, z, size, i = spheres[p, 0], spheres[p, 1], spheres[p, 2], spheres[p, 3], order[p]
+                    for q in range(p + 1 if own_row else lower, upper):
+                        u, v, w = spheres[q, 0] - x, spheres[q, 1] - y, spheres[q, 2] - z
+                        reach = size + spheres[q, 3]
+                        if u * u + v * v + w * w <= reach * reach:
+                            j = order[q]
+                            found[count, 0], found[count, 1] = min(i, j), max(i, j)
+                            count += min(i, j) < n_real
     return found, count
 
 
 @njit(cache=True, nogil=True)
-def _later_row(
-    neighbour: int, a: int, b: int, c: int, shape: IntArray, starts: IntArray
-) -> tuple[int, int]:
-    """Return the range of sorted spheres in cells a-1 … a+1 of one of the four neighbouring rows that come later."""
-    if neighbour == 1:
-        b, c = b + 1, c
-    else:
-        b, c = b + neighbour - 3, c + 1
-    if b < 0 or b >= shape[1] or c >= shape[2]:
-        return 0, 0
-    first_cell = (c * shape[1] + b) * shape[0]
-    return starts[first_cell + max(a - 1, 0)], starts[first_cell + min(a + 2, shape[0])]
-
-
-@njit(cache=True, nogil=True)
 def all_pairs(
-    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool, reach: int
+    mid0: FloatArray,
+    mid1: FloatArray,
+    radii: FloatArray,
+    cell0: FloatArray,
+    cell1: FloatArray,
+    periodic: bool,
+    span: int,
 ) -> tuple[IntArray, IntArray]:
-    """Return what `candidate_pairs` returns, by trying every pair in every image up to `reach` cells away.
+    """Return what `candidate_pairs` returns, by trying every pair in every image up to `span` cells away.
 
     The slow twin, kept beside the fast one so that each can be read, and checked, against the other.
     """
     pairs, images = [(0, 0)], [(0, 0, 0)]
-    span = reach if periodic else 0
+    basis0, basis1 = basis_of(cell0), basis_of(cell1)
+    reach = span if periodic else 0
     for i in range(len(radii)):
-        for j in range(len(radii)):
-            for a in range(-span, span + 1):
-                for b in range(-span, span + 1):
-                    for c in range(-span, span + 1):
-                        if i > j or (i == j and (a, b, c) <= (0, 0, 0)):
+        first, r = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], (0, 0, 0), basis0, basis1)
+        for j in range(i, len(radii)):
+            for a in range(-reach, reach + 1):
+                for b in range(-reach, reach + 1):
+                    for c in range(-reach, reach + 1):
+                        if i == j and (a, b, c) <= (0, 0, 0):
                             continue
-                        first, r = _swept_sphere(row(mid0, i), row(mid1, i), radii[i], (0, 0, 0), cell0, cell1, False)
                         second, s = _swept_sphere(
-                            row(mid0, j), row(mid1, j), radii[j], (a, b, c), cell0, cell1, periodic
+                            row(mid0, j), row(mid1, j), radii[j], (a, b, c), basis0, basis1
                         )
-                        if norm(subtract(first, second)) <= r + s:
+                        apart = subtract(first, second)
+                        if dot(apart, apart) <= (r + s) * (r + s):
                             pairs.append((i, j))
                             images.append((a, b, c))
     return np.array(pairs)[1:], np.array(images)[1:]

@@ -44,54 +44,45 @@ def covariance(
     return total
 
 
-@njit(cache=True, nogil=True)
-def best_rotation(correlation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the proper rotation that brings x1 closest to x0 (Kabsch 1976, 1978), det = +1.
+def best_rotations(correlations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the proper rotations that bring x1 closest to x0 (Kabsch 1976, 1978), det = +1.
 
     Parameters
     ----------
-    correlation : ndarray, shape (3, 3)
-        Σ (x1 - c1)ᵀ(x0 - c0).
+    correlations : ndarray, shape (k, 3, 3)
+        Σ (x1 - c1)ᵀ(x0 - c0) of each step.
 
     Returns
     -------
-    rotation : ndarray, shape (3, 3)
+    rotations : ndarray, shape (k, 3, 3)
         To be applied as ``rotation @ x``. The least rotation that does it where the points lie on a line; the
-        identity where there is nothing to align.
+        identity where there is nothing to align. Each depends on its own correlation alone, bit for bit.
     """
-    u, sizes, vt = np.linalg.svd(correlation)
-    if sizes[0] == 0.0:
-        return np.eye(3)
-    if sizes[1] <= COLLINEAR * sizes[0]:
-        return _turn(u[:, 0].copy(), vt[0].copy())
-    v = vt.T.copy()
-    if np.linalg.det(u) * np.linalg.det(v) < 0.0:
-        v[:, 2] = -v[:, 2]
-    return v @ u.T.copy()
+    u, sizes, vt = np.linalg.svd(correlations)
+    sign = np.where(np.linalg.det(u) * np.linalg.det(vt) < 0.0, -1.0, 1.0)
+    vt[:, 2] *= sign[:, np.newaxis]
+    rotations = np.swapaxes(vt, 1, 2) @ np.swapaxes(u, 1, 2)
+    for k in np.flatnonzero(sizes[:, 1] <= COLLINEAR * sizes[:, 0]):
+        rotations[k] = _least_turn(u[k, :, 0], vt[k, 0]) if sizes[k, 0] > 0.0 else np.eye(3)
+    return rotations
 
 
-@njit(cache=True, nogil=True)
-def _turn(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_turn(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the least rotation that takes the unit vector a to b (Rodrigues)."""
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    cosine = float(a @ b)
     if cosine < -1.0 + 1e-14:  # opposite: a half turn about any axis at right angles to a
-        axis = np.zeros(3)
-        axis[np.argmin(np.abs(a))] = 1.0
-        axis -= a * (axis[0] * a[0] + axis[1] * a[1] + axis[2] * a[2])
-        axis /= np.sqrt((axis * axis).sum())
+        axis = np.eye(3)[np.argmin(np.abs(a))]
+        axis = axis - a * (axis @ a)
+        axis /= np.linalg.norm(axis)
         return 2.0 * np.outer(axis, axis) - np.eye(3)
-    k = np.zeros((3, 3))
-    k[0, 1], k[0, 2] = b[0] * a[1] - a[0] * b[1], b[0] * a[2] - a[0] * b[2]
-    k[1, 2] = b[1] * a[2] - a[1] * b[2]
-    k[1, 0], k[2, 0], k[2, 1] = -k[0, 1], -k[0, 2], -k[1, 2]
+    x, y, z = np.cross(a, b)
+    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + k + k @ k / (1.0 + cosine)
 
 
-@njit(cache=True, nogil=True)
-def rotation_angle(rotation: NDArray[np.float64]) -> float:
-    """Return the angle of a rotation, in degrees, from 0 to 180."""
-    x = rotation[2, 1] - rotation[1, 2]
-    y = rotation[0, 2] - rotation[2, 0]
-    z = rotation[1, 0] - rotation[0, 1]
-    trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
-    return np.degrees(np.arctan2(np.sqrt(x * x + y * y + z * z), trace - 1.0))
+def rotation_angles(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angles of rotations, shape (k, 3, 3), in degrees from 0 to 180."""
+    skew = rotations - np.swapaxes(rotations, 1, 2)
+    sine = np.sqrt(skew[:, 2, 1] ** 2 + skew[:, 0, 2] ** 2 + skew[:, 1, 0] ** 2)
+    cosine = np.trace(rotations, axis1=1, axis2=2) - 1.0
+    return np.degrees(np.arctan2(sine, cosine))

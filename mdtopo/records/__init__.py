@@ -20,6 +20,7 @@ from mdtopo.records.steps import (
     Verdict,
 )
 from mdtopo.records.strands import Gap, Strands, VertexLabels
+from mdtopo.records.summary import RunSummary, RunVerdict, StepCounts, run_verdict
 from mdtopo.records.traces import Traces
 
 __all__ = [
@@ -36,8 +37,11 @@ __all__ = [
     "PairClass",
     "Reason",
     "ReferenceLengths",
+    "RunSummary",
+    "RunVerdict",
     "Rung",
     "Severity",
+    "StepCounts",
     "StepReport",
     "StepTable",
     "Strands",
@@ -45,4 +49,5 @@ __all__ = [
     "Traces",
     "Verdict",
     "VertexLabels",
+    "run_verdict",
 ]

@@ -30,7 +30,8 @@ class MonitorConfig:
     """
 
     motion: Motion = _knob(
-        "rigid", "path that is certified: 'rigid' takes one common rigid motion out of each step, 'lab' takes none"
+        "rigid",
+        "path that is certified: 'rigid' takes one common rigid motion out of each step, 'lab' takes none",
     )
     criterion: Criterion = _knob(
         "pair",
@@ -38,7 +39,9 @@ class MonitorConfig:
         "'clearance' (in Å)",
     )
     near_limit: float = _knob(
-        0.8, "a step is near-limit from this ratio on (criterion pair, nu), or up to this clearance in Å", least=0.0
+        0.8,
+        "a step is near-limit from this ratio on (criterion pair, nu), or up to this clearance in Å",
+        least=0.0,
     )
     stretch_limit: float = _knob(
         1.2, "an edge is stretched from this multiple of its reference length on", least=1.0
@@ -60,7 +63,9 @@ class MonitorConfig:
         1, "alerts of one kind are one event when at most this many quiet steps lie between them", least=0
     )
     coordinate_error: float | None = _knob(
-        None, "coordinate error η per atom in Å; by default what the reader knows of the file format", least=0.0
+        None,
+        "coordinate error η per atom in Å; by default what the reader knows of the file format",
+        least=0.0,
     )
     block_steps: int = _knob(64, "steps that are read and measured together", least=1)
 

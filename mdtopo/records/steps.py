@@ -155,7 +155,8 @@ class StepTable:
     bond_stretch: Ratios = _column("", "greatest edge length over its reference length, at the step's end")
     bond_stretch_edge: Indices = _column("", "the edge that is stretched most, shape (n, 2)")
     certifiable_interval: Times = _column(
-        "ps", "frame spacing at which pair_ratio would reach 1 if displacements grew in proportion to it (heuristic)"
+        "ps",
+        "frame spacing at which pair_ratio would reach 1 if displacements grew in proportion to it (heuristic)",
     )
     verdict: Codes = _column("", "CERTIFIED, CROSSING or UNRESOLVED", Verdict)
     rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)

@@ -117,7 +117,11 @@ class Strands:
 
     @classmethod
     def from_lengths(
-        cls, lengths: Sequence[int], *, closed: bool | Sequence[bool] = False, names: Sequence[str] | None = None
+        cls,
+        lengths: Sequence[int],
+        *,
+        closed: bool | Sequence[bool] = False,
+        names: Sequence[str] | None = None,
     ) -> "Strands":
         """Return strands of the given numbers of vertices, stored one after the other.
 

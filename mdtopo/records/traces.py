@@ -92,7 +92,11 @@ def _edges(pieces: list[tuple[Indices, bool]]) -> tuple[Indices, Indices, Indice
         following.append(nexts)
         trace.append(np.full(n_edges, g, dtype=np.int64))
         count += n_edges
-    return np.concatenate(edges), np.concatenate(following), np.concatenate([*trace, np.empty(0, dtype=np.int64)])
+    return (
+        np.concatenate(edges),
+        np.concatenate(following),
+        np.concatenate([*trace, np.empty(0, dtype=np.int64)]),
+    )
 
 
 def _local_pairs(following: Indices) -> Indices:

@@ -1,0 +1,299 @@
+"""From step tables to the alert stream: what is near a limit, undecided, stretched or broken, as events.
+
+Neighbouring steps with the same finding are one event, with start, peak and end. An event is said when it has ended, that
+is once more than `merge_steps` quiet steps have passed; so the order and the ids of the alerts depend on the run alone,
+not on how its frames were cut into blocks.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mdtopo.records import (
+    Alert,
+    AlertKind,
+    BrokenEdge,
+    MonitorConfig,
+    Reason,
+    Rung,
+    Severity,
+    StepCounts,
+    StepTable,
+    Strands,
+    Verdict,
+)
+from mdtopo.typing import Flags, Ratios
+
+SEVERITY = {
+    AlertKind.NEAR_LIMIT: Severity.WARNING,
+    AlertKind.UNRESOLVED: Severity.WARNING,
+    AlertKind.STRETCH: Severity.WARNING,
+    AlertKind.BAD_DATA: Severity.WARNING,
+    AlertKind.FRACTURE: Severity.CRITICAL,
+    AlertKind.GAP: Severity.INFO,
+}
+
+UNITS = {"pair": "", "nu": "", "clearance": " Å"}
+CRITERIA = {"pair": "pair ratio", "nu": "2m/ν", "clearance": "clearance"}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One step's contribution to an event: `badness` orders the steps of an event, the greatest is its peak."""
+
+    kind: AlertKind
+    key: str
+    step: int
+    frames: tuple[int, int]
+    times: tuple[float, float]
+    vertices: tuple[int, ...]
+    badness: float
+    value: float | None
+    limit: float | None
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Neighbouring findings of one kind: the first, the worst and the last."""
+
+    first: Finding
+    peak: Finding
+    last: Finding
+
+    def extended(self, finding: Finding) -> "Event":
+        """Return the event with one more step."""
+        peak = finding if finding.badness > self.peak.badness else self.peak
+        return Event(self.first, peak, finding)
+
+
+def near_limit_values(table: StepTable, config: MonitorConfig) -> tuple[Ratios, Flags]:
+    """Return the value that the near-limit criterion looks at in each step, and whether it meets the limit."""
+    if config.criterion == "clearance":
+        return table.clearance, table.clearance <= config.near_limit
+    values = table.pair_ratio if config.criterion == "pair" else table.nu_ratio
+    return values, values >= config.near_limit
+
+
+def count_steps(table: StepTable, config: MonitorConfig) -> StepCounts:
+    """Return the five counts of a table."""
+    certified = table.verdict == Verdict.CERTIFIED
+    near = certified & near_limit_values(table, config)[1]
+    by_ball = certified & ~near & (table.rung <= Rung.TWO_FRAME_BALL)
+    return StepCounts(
+        ball=int(by_ball.sum()),
+        pairs=int((certified & ~near & ~by_ball).sum()),
+        near_limit=int(near.sum()),
+        unresolved=int((table.verdict == Verdict.UNRESOLVED).sum()),
+        crossed=int((table.verdict == Verdict.CROSSING).sum()),
+    )
+
+
+class AlertStream:
+    """Turns step tables, given in order, into alerts.
+
+    Parameters
+    ----------
+    strands : Strands
+        Names the strands and residues.
+    config : MonitorConfig
+        Thresholds, and how far apart steps of one event may be.
+    """
+
+    def __init__(self, strands: Strands, config: MonitorConfig) -> None:
+        self._strands = strands
+        self._config = config
+        self._open: dict[tuple[AlertKind, str], Event] = {}
+
+    def opening(self) -> Iterator[Alert]:
+        """Yield what is to be said before the first step: where strands have gaps."""
+        for gap in self._strands.gaps:
+            a, b = gap.vertices
+            place = self._strands.describe_edge((a, b))
+            finding = Finding(
+                AlertKind.GAP, f"{a}-{b}", 0, (-1, -1), (np.nan, np.nan), (a, b), 0.0, None, None,
+                f"No edge between {place}: {gap.reason}. Nothing is guaranteed across the gap",
+            )  # fmt: skip
+            yield self._alert(Event(finding, finding, finding))
+
+    def after(self, table: StepTable) -> Iterator[Alert]:
+        """Yield the alerts of the events that have ended within the table."""
+        closed: list[tuple[int, Event]] = []
+        for finding in sorted(self._findings(table), key=lambda f: f.step):
+            slot = (finding.kind, finding.key)
+            event = self._open.get(slot)
+            if event is not None and self._ends_at(event) < finding.step:
+                closed.append((self._ends_at(event), event))
+                event = None
+            self._open[slot] = (
+                event.extended(finding) if event is not None else Event(finding, finding, finding)
+            )
+        horizon = table.first_step + len(table) - 1
+        for slot, event in list(self._open.items()):
+            if self._ends_at(event) <= horizon:
+                closed.append((self._ends_at(event), self._open.pop(slot)))
+        yield from self._in_order(closed)
+
+    def finish(self) -> Iterator[Alert]:
+        """Yield the alerts of the events that were still open at the end of the run."""
+        closed = [(self._ends_at(event), event) for event in self._open.values()]
+        self._open.clear()
+        yield from self._in_order(closed)
+
+    def _ends_at(self, event: Event) -> int:
+        """Return the step that is one quiet step too many for the event to go on; a fracture never goes on."""
+        if event.first.kind is AlertKind.FRACTURE:
+            return event.last.step
+        return event.last.step + self._config.merge_steps + 1
+
+    def _in_order(self, closed: list[tuple[int, Event]]) -> Iterator[Alert]:
+        alerts = [(end, self._alert(event)) for end, event in closed]
+        for _, alert in sorted(alerts, key=lambda pair: (pair[0], pair[1].id)):
+            yield alert
+
+    def _findings(self, table: StepTable) -> Iterator[Finding]:
+        yield from self._near_limit(table)
+        yield from self._unresolved(table)
+        yield from self._stretched(table)
+        for edge in table.broken:
+            yield self._broken(table, edge)
+
+    def _near_limit(self, table: StepTable) -> Iterator[Finding]:
+        criterion, limit = self._config.criterion, self._config.near_limit
+        values, near = near_limit_values(table, self._config)
+        pairs = {"pair": table.pair_ratio_pair, "nu": table.nu_pair, "clearance": table.clearance_pair}[
+            criterion
+        ]
+        sign = -1.0 if criterion == "clearance" else 1.0
+        for row in np.flatnonzero(near):
+            value, unit = float(values[row]), UNITS[criterion]
+            detail = (
+                f"possible strand fracture: {CRITERIA[criterion]} {value:.3g}{unit} (limit {limit:g}{unit}) "
+                f"at {self._pair_in_words(pairs[row])}"
+            )
+            yield self._finding(
+                table,
+                int(row),
+                AlertKind.NEAR_LIMIT,
+                "",
+                pairs[row].ravel(),
+                sign * value,
+                value,
+                limit,
+                detail,
+            )
+
+    def _unresolved(self, table: StepTable) -> Iterator[Finding]:
+        for row in np.flatnonzero(table.verdict == Verdict.UNRESOLVED):
+            reason = Reason(int(table.reason[row]))
+            if reason is Reason.BAD_DATA:
+                detail = f"not measured: {table.problems[row]}"
+                yield self._finding(table, int(row), AlertKind.BAD_DATA, "", [], 0.0, None, None, detail)
+                continue
+            ratio, pair = float(table.pair_ratio[row]), table.pair_ratio_pair[row]
+            if reason is Reason.CELL:
+                detail = "undecided: the periodic cell changes too much within the step to count images"
+                ratio = 0.0
+            else:
+                count = int(table.rung_pairs[row, Rung.OPEN])
+                pairs = "1 pair of edges" if count == 1 else f"{count} pairs of edges"
+                detail = f"undecided: no rung settles {pairs}; the worst is {self._pair_in_words(pair)}"
+            value = ratio if np.isfinite(ratio) else None
+            yield self._finding(
+                table, int(row), AlertKind.UNRESOLVED, "", pair.ravel(), ratio, value, 1.0, detail
+            )
+
+    def _stretched(self, table: StepTable) -> Iterator[Finding]:
+        s = table.stretches
+        for step, edge, ratio, limit in zip(s.step, s.edge, s.ratio, s.limit, strict=True):
+            place = self._strands.describe_edge(edge)
+            detail = (
+                f"edge {place} is stretched to {ratio:.3f} times its reference length (limit {limit:.3f})"
+            )
+            key = f"{edge[0]}-{edge[1]}"
+            yield self._finding(
+                table, int(step) - table.first_step, AlertKind.STRETCH, key, edge, float(ratio), float(ratio),
+                float(limit), detail,
+            )  # fmt: skip
+
+    def _broken(self, table: StepTable, edge: BrokenEdge) -> Finding:
+        place = self._strands.describe_edge(edge.edge)
+        detail = (
+            f"edge {place} is broken at frame {edge.frame}: {edge.ratio:.3f} times its reference length "
+            f"(limit {edge.limit:.3f}) for {self._config.fracture_frames} frames; it is no edge from here on"
+        )
+        key = f"{edge.edge[0]}-{edge.edge[1]}"
+        return self._finding(
+            table, edge.step - table.first_step, AlertKind.FRACTURE, key, edge.edge, edge.ratio, edge.ratio,
+            edge.limit, detail,
+        )  # fmt: skip
+
+    def _finding(
+        self,
+        table: StepTable,
+        row: int,
+        kind: AlertKind,
+        key: str,
+        vertices: "np.ndarray | list[int] | tuple[int, ...]",  # type: ignore[type-arg]
+        badness: float,
+        value: float | None,
+        limit: float | None,
+        detail: str,
+    ) -> Finding:
+        return Finding(
+            kind,
+            key,
+            table.first_step + row,
+            (int(table.frame_t0[row]), int(table.frame_t1[row])),
+            (float(table.time_t0[row]), float(table.time_t1[row])),
+            tuple(int(v) for v in vertices if v >= 0),
+            badness,
+            value,
+            limit,
+            detail,
+        )
+
+    def _pair_in_words(self, pair: "np.ndarray") -> str:  # type: ignore[type-arg]
+        if (pair < 0).any():
+            return "no pair in reach"
+        first, second = (
+            self._strands.labels.text(edge[0]) if edge[0] == edge[1] else self._strands.describe_edge(edge)
+            for edge in pair
+        )
+        return f"{first} x {second}"
+
+    def _alert(self, event: Event) -> Alert:
+        first, peak, last = event.first, event.peak, event.last
+        labels = self._strands.labels
+        members = sorted({int(self._strands.strand_of_vertex[v]) for v in peak.vertices})
+        suffix = f"-{peak.key}" if peak.key else ""
+        alert = Alert(
+            id=f"{first.kind}-{first.step}{suffix}",
+            kind=first.kind,
+            severity=SEVERITY[first.kind],
+            step_start=first.step,
+            step_peak=peak.step,
+            step_end=last.step,
+            frame_start=first.frames[0],
+            frame_end=last.frames[1],
+            time_start=first.times[0],
+            time_end=last.times[1],
+            strands=tuple(self._strands.names[s] for s in members),
+            residues=tuple(dict.fromkeys(labels.text(v) for v in peak.vertices)),
+            value=peak.value,
+            limit=peak.limit,
+            message="",
+        )
+        return replace(alert, message=f"{_when(event)}{peak.detail}.")
+
+
+def _when(event: Event) -> str:
+    if event.first.kind is AlertKind.GAP:
+        return ""
+    steps, frames = (event.first.step, event.last.step), (event.first.frames[0], event.last.frames[1])
+    span = f"Step {steps[0]}" if steps[0] == steps[1] else f"Steps {steps[0]}-{steps[1]}"
+    peak = f", worst at step {event.peak.step}" if steps[0] != steps[1] else ""
+    start, end = event.first.times[0], event.last.times[1]
+    clock = f", {start:g}-{end:g} ps" if np.isfinite(start) and np.isfinite(end) else ""
+    return f"{span} (frames {frames[0]}-{frames[1]}{clock}{peak}): "

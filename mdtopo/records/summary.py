@@ -1,0 +1,130 @@
+"""What a whole run comes to: the counts, and the verdict in one word."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from mdtopo.records.alerts import Severity
+
+
+class RunVerdict(StrEnum):
+    """The headline of a run."""
+
+    PASS = "PASS"
+    WARN = "WARN"
+    UNPROVEN = "UNPROVEN"
+    FAIL = "FAIL"
+
+
+@dataclass(frozen=True, slots=True)
+class StepCounts:
+    """How the steps of a run ended; the five counts add up to the number of steps.
+
+    Attributes
+    ----------
+    ball : int
+        Proved by the paper's ball, not near the limit.
+    pairs : int
+        Proved pair by pair, not near the limit.
+    near_limit : int
+        Proved, but near the limit.
+    unresolved : int
+        Not decided.
+    crossed : int
+        With a crossing.
+    """
+
+    ball: int = 0
+    pairs: int = 0
+    near_limit: int = 0
+    unresolved: int = 0
+    crossed: int = 0
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return self.ball + self.pairs + self.near_limit + self.unresolved + self.crossed
+
+    def __add__(self, other: "StepCounts") -> "StepCounts":
+        return StepCounts(
+            self.ball + other.ball,
+            self.pairs + other.pairs,
+            self.near_limit + other.near_limit,
+            self.unresolved + other.unresolved,
+            self.crossed + other.crossed,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """What a run found, in a few numbers.
+
+    Attributes
+    ----------
+    verdict : RunVerdict
+        PASS (every step proved), WARN (proved, with near-limit steps or stretched edges), UNPROVEN (some steps are
+        undecided, or there was none), FAIL (a crossing or a fracture).
+    counts : StepCounts
+        The five counts.
+    n_fractures : int
+        Edges that broke.
+    alerts : mapping of Severity to int
+        How many alerts were raised.
+    clearance, clearance_step : float, int
+        Least proven clearance, Å, and the step that holds it; NaN and -1 where no step was proved.
+    ratio, ratio_step : float, int
+        Greatest pair ratio, and its step; NaN and -1 where no step was measured.
+    results : Path or None
+        The results file.
+    stopped : str
+        Why the run ended before its last frame, in words; empty where it did not.
+    """
+
+    verdict: RunVerdict
+    counts: StepCounts
+    n_fractures: int
+    alerts: Mapping[Severity, int]
+    clearance: float
+    clearance_step: int
+    ratio: float
+    ratio_step: int
+    results: Path | None = None
+    stopped: str = ""
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps."""
+        return self.counts.steps
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the numbers as plain values, ready for JSON; NaN and infinity become None."""
+
+        def finite(value: float) -> float | None:
+            return value if math.isfinite(value) else None
+
+        return {
+            "verdict": self.verdict.value,
+            "counts": asdict(self.counts),
+            "n_steps": self.n_steps,
+            "n_fractures": self.n_fractures,
+            "alerts": {severity.name.lower(): count for severity, count in self.alerts.items()},
+            "clearance": finite(self.clearance),
+            "clearance_step": self.clearance_step,
+            "ratio": finite(self.ratio),
+            "ratio_step": self.ratio_step,
+            "stopped": self.stopped,
+        }
+
+
+def run_verdict(counts: StepCounts, n_fractures: int, n_warnings: int) -> RunVerdict:
+    """Return the headline of a run from its counts; a run without a single step proves nothing."""
+    if counts.crossed or n_fractures:
+        return RunVerdict.FAIL
+    if counts.unresolved or not counts.steps:
+        return RunVerdict.UNPROVEN
+    if counts.near_limit or n_warnings:
+        return RunVerdict.WARN
+    return RunVerdict.PASS
