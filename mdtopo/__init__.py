@@ -5,7 +5,6 @@ your own arrays is `polyline_step`. Names are loaded when they are first used, s
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     )
     from mdtopo.store import read_results
 
-__version__ = version("mdtopo")
+__version__ = "0.1.0"
 
 _HOMES = {
     "Alert": "records",

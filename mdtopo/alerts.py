@@ -126,9 +126,7 @@ class AlertStream:
             if event is not None and self._ends_at(event) < finding.step:
                 closed.append((self._ends_at(event), event))
                 event = None
-            self._open[slot] = (
-                event.extended(finding) if event is not None else Event(finding, finding, finding)
-            )
+            self._open[slot] = event.extended(finding) if event is not None else Event(finding, finding, finding)
         horizon = table.first_step + len(table) - 1
         for slot, event in list(self._open.items()):
             if self._ends_at(event) <= horizon:
@@ -162,9 +160,7 @@ class AlertStream:
     def _near_limit(self, table: StepTable) -> Iterator[Finding]:
         criterion, limit = self._config.criterion, self._config.near_limit
         values, near = near_limit_values(table, self._config)
-        pairs = {"pair": table.pair_ratio_pair, "nu": table.nu_pair, "clearance": table.clearance_pair}[
-            criterion
-        ]
+        pairs = {"pair": table.pair_ratio_pair, "nu": table.nu_pair, "clearance": table.clearance_pair}[criterion]
         sign = -1.0 if criterion == "clearance" else 1.0
         for row in np.flatnonzero(near):
             value, unit = float(values[row]), UNITS[criterion]
@@ -200,17 +196,13 @@ class AlertStream:
                 pairs = "1 pair of edges" if count == 1 else f"{count} pairs of edges"
                 detail = f"undecided: no rung settles {pairs}; the worst is {self._pair_in_words(pair)}"
             value = ratio if np.isfinite(ratio) else None
-            yield self._finding(
-                table, int(row), AlertKind.UNRESOLVED, "", pair.ravel(), ratio, value, 1.0, detail
-            )
+            yield self._finding(table, int(row), AlertKind.UNRESOLVED, "", pair.ravel(), ratio, value, 1.0, detail)
 
     def _stretched(self, table: StepTable) -> Iterator[Finding]:
         s = table.stretches
         for step, edge, ratio, limit in zip(s.step, s.edge, s.ratio, s.limit, strict=True):
             place = self._strands.describe_edge(edge)
-            detail = (
-                f"edge {place} is stretched to {ratio:.3f} times its reference length (limit {limit:.3f})"
-            )
+            detail = f"edge {place} is stretched to {ratio:.3f} times its reference length (limit {limit:.3f})"
             key = f"{edge[0]}-{edge[1]}"
             yield self._finding(
                 table, int(step) - table.first_step, AlertKind.STRETCH, key, edge, float(ratio), float(ratio),

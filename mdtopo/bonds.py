@@ -31,9 +31,7 @@ def reference_lengths(samples: Lengths) -> ReferenceLengths:
     usable = samples[np.isfinite(samples).all(axis=1)]
     if not usable.size:
         return ReferenceLengths(np.full(samples.shape[1], np.nan), np.nan, np.nan, 0)
-    return ReferenceLengths(
-        np.median(usable, axis=0), float(np.median(usable)), float(usable.std()), len(usable)
-    )
+    return ReferenceLengths(np.median(usable, axis=0), float(np.median(usable)), float(usable.std()), len(usable))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

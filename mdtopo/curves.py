@@ -97,9 +97,7 @@ def whole_strands(
         home = floors(combine(scale(1.0 / (offsets[g + 1] - offsets[g]), total), inverse))
         for k in range(offsets[g], offsets[g + 1]):
             i = vertices[k]
-            v = lattice_vector(
-                (counts[i, 0] - home[0], counts[i, 1] - home[1], counts[i, 2] - home[2]), basis
-            )
+            v = lattice_vector((counts[i, 0] - home[0], counts[i, 1] - home[1], counts[i, 2] - home[2]), basis)
             whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
     return whole, reduced, winding
 
@@ -189,9 +187,7 @@ def centroid(x: FloatArray) -> Vector:
 
 
 @njit(cache=True, nogil=True)
-def _place_beside(
-    x0: FloatArray, x1: FloatArray, cell1: Basis, vertices: IntArray, offsets: IntArray
-) -> None:
+def _place_beside(x0: FloatArray, x1: FloatArray, cell1: Basis, vertices: IntArray, offsets: IntArray) -> None:
     """Shift each trace of x1, in place, by the lattice vector that brings it next to where it was.
 
     The motion that most vertices share is found first, as a circular mean of fractions: a file that was centred anew

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.broadphase import candidate_pairs
-from mdtopo.geometry.distances import DUAL_ERROR, UNIT_ROUNDOFF, closest_points, dual_bound
+from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.hull import hull_distance
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
@@ -229,9 +229,7 @@ def direction_clearance(
 
 
 @njit(cache=True, nogil=True)
-def hull_clearance(
-    start: tuple[Vector, Vector, Vector, Vector], end: tuple[Vector, Vector, Vector, Vector]
-) -> float:
+def hull_clearance(start: tuple[Vector, Vector, Vector, Vector], end: tuple[Vector, Vector, Vector, Vector]) -> float:
     """Return d* of all differences of the two edges at both ends (rung 5)."""
     points = np.empty((8, 3))
     count = 0
@@ -293,13 +291,7 @@ def is_idle(
 ) -> bool:
     """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
     clearance = max(gap, 0.5 * (low0 + low1 - rho))
-    return (
-        clearance > 0.0
-        and clearance >= least
-        and low0 >= nu0
-        and low1 >= nu1
-        and rho <= ratio * (low0 + low1)
-    )
+    return clearance > 0.0 and clearance >= least and low0 >= nu0 and low1 >= nu1 and rho <= ratio * (low0 + low1)
 
 
 @njit(cache=True, nogil=True)
@@ -369,9 +361,7 @@ def keep_nu(
 
 
 @njit(cache=True, nogil=True)
-def keep_ratio(
-    first: IntArray, second: IntArray, rho: float, low0: float, low1: float, best: Extremes
-) -> None:
+def keep_ratio(first: IntArray, second: IntArray, rho: float, low0: float, low1: float, best: Extremes) -> None:
     """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
     apart = low0 + low1
     ratio = rho / apart if apart > 0.0 else np.inf
@@ -527,9 +517,7 @@ def measure_step(
     reach, drift, best = min(FIRST_REACH * local.values[NU0], edge_length), 0.0, local
     while len(edges) > 0:
         radii = padded_radii(spheres, reach)
-        pairs, images = candidate_pairs(
-            spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic
-        )
+        pairs, images = candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
         best = copy_extremes(local)
         drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, best)
         wanted = max(best.least[1] if has_self else 0.0, best.least[2] if has_inter else 0.0)

@@ -29,7 +29,7 @@ from mdtopo.records import (
     Traces,
     Verdict,
 )
-from mdtopo.typing import Cell, Flags, Indices, Lengths, Points, PointSeries, Ratios
+from mdtopo.typing import Cell, Flags, Indices, Lengths, Points, Ratios
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -92,9 +92,7 @@ def whole_frames(
 
 
 @njit(cache=True, nogil=True)
-def covariances(
-    positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray
-) -> FloatArray:
+def covariances(positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray) -> FloatArray:
     """Return the covariance of each step's two frames, shape (k, 3, 3); zero where the step is not measurable."""
     found = np.zeros((len(measurable), 3, 3))
     for k in range(len(measurable)):
@@ -227,9 +225,7 @@ def _whole(block: FrameBlock, usable: Flags, part: slice, setting: Setting) -> W
     )
 
 
-def _note_winding(
-    frames: WholeFrames, start: int, setting: Setting, usable: Flags, problems: list[str]
-) -> None:
+def _note_winding(frames: WholeFrames, start: int, setting: Setting, usable: Flags, problems: list[str]) -> None:
     """Mark frames in which a ring closes through the boundary: it cannot be made whole, so nothing can be proved."""
     for k, trace in zip(*np.nonzero(frames.winding.any(axis=2)), strict=True):
         vertex = setting.traces.vertices[setting.traces.offsets[trace]]
@@ -255,9 +251,7 @@ def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
     return count, state
 
 
-def _watch_first_frame(
-    block: FrameBlock, usable: Flags, setting: Setting
-) -> tuple[Setting, list[BrokenEdge]]:
+def _watch_first_frame(block: FrameBlock, usable: Flags, setting: Setting) -> tuple[Setting, list[BrokenEdge]]:
     """Count the run's first frame too: every other frame is the end of a step, this one is not."""
     frames = _whole(block, usable, slice(0, 1), setting)
     ratios = setting.all_edges(frames.lengths)[0]
@@ -540,9 +534,7 @@ def polyline_step(
     frame = Frame(0, np.nan, x0, None if cells is None else cells[0])
     reference = reference_lengths(reference_samples([frame], strands))
     setting = Setting.start(strands, config or MonitorConfig(), reference)
-    block = FrameBlock(
-        0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", "")
-    )
+    block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", ""))
     table, _ = measure_block(block, setting)
     return table.report(0)
 
@@ -587,9 +579,7 @@ def checked_positions(x: Points, strands: Strands, name: str) -> Points:
         raise InputError(f"{name} has shape {array.shape}; the strands need ({strands.n_vertices}, 3).")
     if not np.isfinite(array).all():
         vertex = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(
-            f"{name} holds {array[vertex].tolist()} at vertex {vertex}; coordinates must be finite."
-        )
+        raise InputError(f"{name} holds {array[vertex].tolist()} at vertex {vertex}; coordinates must be finite.")
     return array
 
 
@@ -603,7 +593,5 @@ def checked_cell(cell: Cell, name: str) -> Cell:
     """
     array = np.ascontiguousarray(cell, dtype=np.float64)
     if array.shape != (3, 3) or not np.isfinite(array).all() or np.linalg.det(array) == 0.0:
-        raise InputError(
-            f"{name} must be a (3, 3) array of lattice vectors as rows, with a volume; got {cell!r}."
-        )
+        raise InputError(f"{name} must be a (3, 3) array of lattice vectors as rows, with a volume; got {cell!r}.")
     return array

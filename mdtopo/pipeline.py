@@ -117,9 +117,7 @@ def open_input(
         If the input cannot be opened.
     """
     if not inputs:
-        raise InputError(
-            "There is no input; pass file paths, a Universe, an AtomGroup, an array or a Reader."
-        )
+        raise InputError("There is no input; pass file paths, a Universe, an AtomGroup, an array or a Reader.")
     if all(isinstance(item, str | os.PathLike) for item in inputs):
         source = Source(paths=tuple(Path(item) for item in inputs))
     elif len(inputs) == 1:
@@ -261,9 +259,7 @@ def _problem(frame: Frame, periodic: bool) -> str:
         return "no periodic box, unlike the first frame"
     if not periodic and frame.cell is not None:
         return "a periodic box, unlike the first frame"
-    if frame.cell is not None and not (
-        np.isfinite(frame.cell).all() and abs(np.linalg.det(frame.cell)) > 0.0
-    ):
+    if frame.cell is not None and not (np.isfinite(frame.cell).all() and abs(np.linalg.det(frame.cell)) > 0.0):
         return "a periodic box without a volume"
     return ""
 
@@ -436,9 +432,7 @@ class AlertFile:
             return self
         path = Path(self._target)
         if path.is_file() and not self._overwrite:
-            raise OutputError(
-                f"The alert file {path} exists already; choose another name, or pass --overwrite."
-            )
+            raise OutputError(f"The alert file {path} exists already; choose another name, or pass --overwrite.")
         try:
             self._file = path.open("w", encoding="utf-8")
         except OSError as error:
@@ -453,9 +447,7 @@ class AlertFile:
             self._file.write(json.dumps(alert.to_mapping(), ensure_ascii=False, allow_nan=False) + "\n")
             self._file.flush()
         except OSError as error:
-            raise OutputError(
-                f"An alert could not be written to {self._target}: {error.strerror}."
-            ) from error
+            raise OutputError(f"An alert could not be written to {self._target}: {error.strerror}.") from error
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None and self._file is not sys.stdout:

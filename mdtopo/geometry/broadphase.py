@@ -150,16 +150,14 @@ def _with_ghosts(
         places[i, 3] = size
         largest = max(largest, size)
     drift = cell_drift(basis0, basis1)
-    blur = (1.0 + 2.0 * largest * thin) / (
-        1.0 - drift
-    ) * drift + 1e-9  # drift of the image, and rounding of f
+    blur = (1.0 + 2.0 * largest * thin) / (1.0 - drift) * drift + 1e-9  # drift of the image, and rounding of f
     count, capacity = m, 2 * m + 64
     source, images = np.empty(capacity, dtype=np.int64), np.empty((capacity, 3), dtype=np.int64)
     source[:m], images[:m] = np.arange(m), home
     for i in range(m):
         x, y, z, size = places[i, 0], places[i, 1], places[i, 2], places[i, 3] + largest
         reach = (size * heights[0] + blur, size * heights[1] + blur, size * heights[2] + blur)
-        for a in range(0, int(np.floor(1.0 + reach[0] - x)) + 1):
+        for a in range(int(np.floor(1.0 + reach[0] - x)) + 1):
             for b in range(int(np.ceil(-reach[1] - y)), int(np.floor(1.0 + reach[1] - y)) + 1):
                 for c in range(int(np.ceil(-reach[2] - z)), int(np.floor(1.0 + reach[2] - z)) + 1):
                     if a == 0 and (b < 0 or (b == 0 and c <= 0)):
@@ -242,9 +240,7 @@ def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
 
 
 @njit(cache=True, nogil=True)
-def _scan(
-    order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray, n_real: int
-) -> tuple[IntArray, int]:
+def _scan(order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray, n_real: int) -> tuple[IntArray, int]:
     """Return the overlapping pairs, lower index first, without those of two ghosts.
 
     Each cell meets the rest of its own row, and those of the rows beside it that come later.
@@ -301,9 +297,7 @@ def all_pairs(
                     for c in range(-reach, reach + 1):
                         if i == j and (a, b, c) <= (0, 0, 0):
                             continue
-                        second, s = _swept_sphere(
-                            row(mid0, j), row(mid1, j), radii[j], (a, b, c), basis0, basis1
-                        )
+                        second, s = _swept_sphere(row(mid0, j), row(mid1, j), radii[j], (a, b, c), basis0, basis1)
                         apart = subtract(first, second)
                         if dot(apart, apart) <= (r + s) * (r + s):
                             pairs.append((i, j))

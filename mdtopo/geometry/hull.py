@@ -64,12 +64,7 @@ def _same_side(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
 @njit(cache=True, nogil=True)
 def nearest_on_tetrahedron(a: Vector, b: Vector, c: Vector, d: Vector) -> tuple[Vector, int]:
     """Return the point of a tetrahedron nearest to the origin, and which corners carry it (bits 1, 2, 4, 8)."""
-    if (
-        _same_side(a, b, c, d)
-        and _same_side(a, b, d, c)
-        and _same_side(a, c, d, b)
-        and _same_side(b, c, d, a)
-    ):
+    if _same_side(a, b, c, d) and _same_side(a, b, d, c) and _same_side(a, c, d, b) and _same_side(b, c, d, a):
         return (0.0, 0.0, 0.0), 15
     best, mask = nearest_on_triangle(a, b, c)
     other, bits = nearest_on_triangle(a, b, d)

@@ -154,9 +154,7 @@ def nearest_image(v: Vector, basis: Basis, inverse: Basis) -> Counts:
     f = nearest_integers(combine(v, inverse))
     rounded = (-f[0], -f[1], -f[2])
     best = add(v, lattice_vector(rounded, basis))
-    if 4.0 * dot(best, best) < dot(
-        basis[0], basis[0]
-    ):  # within half the shortest vector nothing can be nearer
+    if 4.0 * dot(best, best) < dot(basis[0], basis[0]):  # within half the shortest vector nothing can be nearer
         return rounded
     counts, least = rounded, dot(best, best)
     for i in range(-1, 2):

@@ -73,8 +73,5 @@ class Alert:
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON object of this alert, schema ``mdtopo.alert/1``; NaN and infinity become null."""
         values = {name: getattr(self, name) for name in self.__slots__}
-        plain = {
-            name: None if isinstance(v, float) and not abs(v) < float("inf") else v
-            for name, v in values.items()
-        }
+        plain = {name: None if isinstance(v, float) and not abs(v) < float("inf") else v for name, v in values.items()}
         return {"schema": SCHEMA, **plain, "kind": self.kind.value, "severity": self.severity.name.lower()}

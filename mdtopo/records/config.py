@@ -35,17 +35,14 @@ class MonitorConfig:
     )
     criterion: Criterion = _knob(
         "pair",
-        "what makes a step near-limit: 'pair' (sharp ratio of a pair), 'nu' (the paper's 2m/nu) or "
-        "'clearance' (in Å)",
+        "what makes a step near-limit: 'pair' (sharp ratio of a pair), 'nu' (the paper's 2m/nu) or 'clearance' (in Å)",
     )
     near_limit: float = _knob(
         0.8,
         "a step is near-limit from this ratio on (criterion pair, nu), or up to this clearance in Å",
         least=0.0,
     )
-    stretch_limit: float = _knob(
-        1.2, "an edge is stretched from this multiple of its reference length on", least=1.0
-    )
+    stretch_limit: float = _knob(1.2, "an edge is stretched from this multiple of its reference length on", least=1.0)
     stretch_spreads: float = _knob(
         10.0, "and only when this many standard deviations longer than the run's first edges", least=0.0
     )
@@ -91,9 +88,7 @@ class MonitorConfig:
         known = {knob.name for knob in fields(cls)}
         unknown = sorted(set(values) - known)
         if unknown:
-            raise OptionError(
-                f"Unknown configuration key {unknown[0]!r}; the keys are: {', '.join(sorted(known))}."
-            )
+            raise OptionError(f"Unknown configuration key {unknown[0]!r}; the keys are: {', '.join(sorted(known))}.")
         return cls(**values)
 
     def to_mapping(self) -> dict[str, Any]:
