@@ -46,7 +46,7 @@ def default_trace(universe: Any) -> tuple[Any, str]:
     """
     kinds = residue_kinds(universe)[universe.atoms.resindices]
     if not (kinds != "").any():
-        return universe.atoms, "all atoms in stored order, because no protein or nucleic acid is recognised"
+        return universe.atoms, "all atoms, because no protein or nucleic acid is recognised"
     taken = np.zeros(len(universe.atoms), dtype=np.bool_)
     words = []
     for kind, traces in (("protein", PROTEIN_TRACES), ("nucleic", NUCLEIC_TRACES)):

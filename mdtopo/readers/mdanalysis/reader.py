@@ -234,8 +234,8 @@ def _cell(dimensions: Any) -> Cell | None:
         return None
     from MDAnalysis.lib.mdamath import triclinic_vectors
 
-    if np.isfinite(dimensions).all():
+    with np.errstate(invalid="ignore"):  # angles that form no box end in the root of a negative number
         cell: Cell = triclinic_vectors(dimensions, dtype=np.float64)
-        if cell.any():  # MDAnalysis answers with zeros to angles or lengths that form no box
-            return cell
+    if np.isfinite(cell).all() and cell[2, 2] > 0.0:  # lengths that are none end in zeros
+        return cell
     return np.full((3, 3), np.nan)

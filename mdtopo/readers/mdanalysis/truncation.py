@@ -35,7 +35,8 @@ def dcd_size(path: Path) -> DcdSize | None:
     """Return what a DCD file says of its length; None if it is no plain DCD (fixed atoms, 8-byte markers).
 
     MDAnalysis counts whole frames by the size of the file, so one that was cut off merely looks shorter. What
-    the header declares is a hint: LAMMPS, NAMD and OpenMM keep it up to date, CHARMM writes its plan. A file that ends within a frame was cut off for certain.
+    the header declares is a hint: LAMMPS, NAMD and OpenMM keep it up to date, CHARMM writes its plan. A file
+    that ends within a frame was cut off for certain.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
