@@ -8,9 +8,7 @@ import numpy as np
 from mdtopo.strands import AtomTable, Traces
 
 
-def residue_table(
-    resids, *, name="CA", resname="ALA", kind="protein", size=10, chain="", segid="", **columns
-):
+def residue_table(resids, *, name="CA", resname="ALA", kind="protein", size=10, chain="", segid="", **columns):
     """Return a table with one atom in each residue, of residues with `size` atoms; strings are broadcast."""
     n = len(resids)
     columns |= {"name": name, "resname": resname, "residue_kind": kind, "chain": chain, "segid": segid}

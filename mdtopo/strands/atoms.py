@@ -146,9 +146,7 @@ def usable_rows(table: AtomTable) -> tuple[Indices, list[str]]:
     doubles = _is_spare_location(table)
     notes = []
     if ions.any():
-        notes.append(
-            f"Left out {counted(int(ions.sum()), 'ion or water bead')}: {table.census(np.flatnonzero(ions))}."
-        )
+        notes.append(f"Left out {counted(int(ions.sum()), 'ion or water bead')}: {table.census(np.flatnonzero(ions))}.")
     if doubles.any():
         notes.append(
             f"Left out {counted(int(doubles.sum()), 'alternate location')}: "

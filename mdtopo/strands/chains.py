@@ -130,9 +130,7 @@ def bonded_chains(table: AtomTable, rows: Indices, graph: BondGraph) -> tuple[li
     runs = _stored_runs(rows, partners)
     n_edges = sum(len(run.rows) - (not run.closed) for run in runs)
     rungs = f"{len(links) - n_edges} bonds of {table.label(int(rows[0]))} … {table.label(int(rows[-1]))}"
-    return _joined(table, runs), [
-        f"{rungs} are not between consecutive vertices: rungs or cross-links, not edges."
-    ]
+    return _joined(table, runs), [f"{rungs} are not between consecutive vertices: rungs or cross-links, not edges."]
 
 
 def _followed_runs(partners: dict[int, list[int]]) -> Iterator[Run]:
@@ -168,9 +166,7 @@ def _followed(start: int, partners: dict[int, list[int]]) -> list[int]:
 
 def _refuse_branches(table: AtomTable, rows: Indices, partners: dict[int, list[int]]) -> None:
     """Raise if bonds branch and consecutive atoms are not joined, unless a chain has a mere gap."""
-    residues = len(set(table.residue[rows].tolist())) == len(rows) and bool(
-        (table.residue_kind[rows] != OTHER).all()
-    )
+    residues = len(set(table.residue[rows].tolist())) == len(rows) and bool((table.residue_kind[rows] != OTHER).all())
     for i, j in _pairs(rows):
         if j in partners[i] or residues or is_chain_end(table, i, j):
             continue

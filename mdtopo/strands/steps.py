@@ -41,9 +41,7 @@ def nearest_steps(differences: Points, cell: Cell | None) -> Lengths:
     basis = np.array(reduced_basis(basis_of(np.ascontiguousarray(cell, dtype=np.float64))))
     near = differences - np.round(differences @ np.linalg.inv(basis)) @ basis
     # In a reduced basis the nearest image is among the neighbours of the rounded one.
-    squared = [
-        ((near + shift @ basis) ** 2).sum(axis=1) for shift in np.indices((3, 3, 3)).reshape(3, -1).T - 1
-    ]
+    squared = [((near + shift @ basis) ** 2).sum(axis=1) for shift in np.indices((3, 3, 3)).reshape(3, -1).T - 1]
     return np.asarray(np.sqrt(np.min(squared, axis=0)), dtype=np.float64)
 
 
@@ -86,9 +84,7 @@ class StepCheck:
     def is_short(self, i: int, j: int) -> bool:
         """Return whether any two rows are as near as an edge allows, the ends of a strand for example."""
         difference = self._positions[j] - self._positions[i]
-        return bool(
-            nearest_steps(difference[None, :], self._cell)[0] <= self._cuts.get(self._kind(i, j), 0.0)
-        )
+        return bool(nearest_steps(difference[None, :], self._cell)[0] <= self._cuts.get(self._kind(i, j), 0.0))
 
     def gap_reason(self, i: int, j: int) -> str:
         """Return why there is no edge between two consecutive rows; empty if there is one.

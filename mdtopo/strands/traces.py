@@ -98,9 +98,7 @@ def strands_from_atoms(
     if not joined:
         raise StrandError(_nothing_joined(table, lone))
     if len(lone):
-        notes.append(
-            f"Left out {counted(len(lone), 'atom')} joined to no other selected one: {table.census(lone)}."
-        )
+        notes.append(f"Left out {counted(len(lone), 'atom')} joined to no other selected one: {table.census(lone)}.")
     return _assembled(table, joined, notes)
 
 
@@ -135,8 +133,7 @@ def _bridges(table: AtomTable, groups: Sequence[Indices], graph: BondGraph) -> l
         return []
     first, second = (table.label(row) for row in bridges[0])
     return [
-        f"Between molecules or chains there are {counted(len(bridges), 'bond')}, first {first} to {second}: "
-        "no edges."
+        f"Between molecules or chains there are {counted(len(bridges), 'bond')}, first {first} to {second}: no edges."
     ]
 
 

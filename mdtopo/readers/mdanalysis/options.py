@@ -72,9 +72,7 @@ class Options:
         for name in values:
             if name not in OPTION_HELP:
                 known = ", ".join(OPTION_HELP)
-                raise OptionError(
-                    f"Unknown option {name!r} of the MDAnalysis reader; the options are: {known}."
-                )
+                raise OptionError(f"Unknown option {name!r} of the MDAnalysis reader; the options are: {known}.")
             if not is_file and name not in STRAND_OPTIONS:
                 raise OptionError(
                     f"The option {name!r} says how to open a file, but the input is open already; "

@@ -36,9 +36,7 @@ class MDAnalysisReader(Reader):
     option_help: ClassVar[Mapping[str, str]] = OPTION_HELP
     summary: ClassVar[str] = "PSF, PDB, GRO, TPR, DATA, DCD, XTC, TRR, NC and more; Universe, AtomGroup"
 
-    def __init__(
-        self, opened: Opened, indices: Indices, traces: Traces, error: float, notes: Sequence[str]
-    ) -> None:
+    def __init__(self, opened: Opened, indices: Indices, traces: Traces, error: float, notes: Sequence[str]) -> None:
         self._opened = opened
         self._indices = indices
         self._strands = traces.strands
@@ -52,9 +50,7 @@ class MDAnalysisReader(Reader):
         if source.object is None:
             return any(has_known_extension(path) for path in source.paths)
         mdanalysis = sys.modules.get("MDAnalysis")  # who passes its object has imported it
-        return mdanalysis is not None and isinstance(
-            source.object, (mdanalysis.Universe, mdanalysis.AtomGroup)
-        )
+        return mdanalysis is not None and isinstance(source.object, (mdanalysis.Universe, mdanalysis.AtomGroup))
 
     @classmethod
     def open(cls, source: Source, request: ReaderRequest) -> Self:
@@ -83,9 +79,7 @@ class MDAnalysisReader(Reader):
         with _Position(opened.universe.trajectory, opened.is_ours):
             first = read_frame(opened, 0, group.ix)
             size = np.abs(first.positions)
-            error = coordinate_error(
-                opened.universe.trajectory, float(size.max(initial=0.0, where=np.isfinite(size)))
-            )
+            error = coordinate_error(opened.universe.trajectory, float(size.max(initial=0.0, where=np.isfinite(size))))
         traces = strands_from_atoms(
             table,
             first.positions,
@@ -121,9 +115,7 @@ class MDAnalysisReader(Reader):
         """What was selected, left out or assumed."""
         return self._notes
 
-    def frames(
-        self, start: int | None = None, stop: int | None = None, step: int | None = None
-    ) -> Iterator[Frame]:
+    def frames(self, start: int | None = None, stop: int | None = None, step: int | None = None) -> Iterator[Frame]:
         """Yield the frames of a Python slice, in order; every frame owns its arrays.
 
         Raises
@@ -172,9 +164,7 @@ def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
             return opened.group, []
         group, words = default_trace(opened.universe)
         if not len(group):
-            raise SelectionError(
-                f"{opened.title} has none of the default trace atoms ({words}); pass a selection."
-            )
+            raise SelectionError(f"{opened.title} has none of the default trace atoms ({words}); pass a selection.")
         return group, [f"The trace is the default one: {words}."]
     within = opened.universe.atoms if opened.group is None else opened.group
     try:

@@ -55,9 +55,7 @@ def test_a_residue_named_like_an_ion_but_with_more_atoms_is_kept():
 
 def test_a_selection_of_nothing_but_calcium_is_refused():
     table = residue_table([301, 302], resname="CAL", kind="", size=1)
-    with pytest.raises(
-        StrandError, match=r"nothing but ions or water beads, 2 CA of CAL, .* select backbone"
-    ):
+    with pytest.raises(StrandError, match=r"nothing but ions or water beads, 2 CA of CAL, .* select backbone"):
         usable_rows(table)
 
 

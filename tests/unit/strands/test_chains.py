@@ -62,9 +62,7 @@ class TestWithoutBonds:
         table = residue_table([27, 27, 27, 28], icode=["", "A", "B", ""])
         assert runs_without_bonds(table) == [([[0, 1, 2, 3]], [])]
 
-    @pytest.mark.parametrize(
-        ("last", "first", "n_chains"), [(99999, 0, 1), (9999, 1, 1), (99998, 0, 2), (99999, 2, 2)]
-    )
+    @pytest.mark.parametrize(("last", "first", "n_chains"), [(99999, 0, 1), (9999, 1, 1), (99998, 0, 2), (99999, 2, 2)])
     def test_numbers_of_five_digits_start_again_within_a_chain(self, last, first, n_chains):
         table = residue_table([last - 1, last, first, first + 1])
         assert len(runs_without_bonds(table)) == n_chains
@@ -93,9 +91,7 @@ class TestWithoutBonds:
         assert runs_without_bonds(table, line(3, 6.5)) == [([[0, 1, 2]], [])]
 
     def test_a_lipid_after_dna_in_the_same_segment_is_not_joined_to_it(self):
-        table = residue_table(
-            [1, 2, 3, 4], name="P", kind=["nucleic", "nucleic", "", ""], size=[32, 32, 134, 134]
-        )
+        table = residue_table([1, 2, 3, 4], name="P", kind=["nucleic", "nucleic", "", ""], size=[32, 32, 134, 134])
         assert runs_without_bonds(table, line(4, 6.5))[0] == ([[0, 1]], [])
 
     def test_atoms_of_one_residue_are_joined_whatever_the_residue_is(self):
@@ -118,9 +114,7 @@ class TestBonded:
         assert runs_by_bonds(beads(5, (0, 3), (3, 1), (1, 4), (4, 2)))[0] == [[([0, 3, 1, 4, 2], False)]]
 
     def test_a_ring_starts_with_its_first_stored_atom(self):
-        assert runs_by_bonds(beads(5, (0, 3), (3, 1), (1, 4), (4, 2), (2, 0)))[0] == [
-            [([0, 2, 4, 1, 3], True)]
-        ]
+        assert runs_by_bonds(beads(5, (0, 3), (3, 1), (1, 4), (4, 2), (2, 0)))[0] == [[([0, 2, 4, 1, 3], True)]]
 
     def test_a_bond_that_is_listed_twice_counts_once(self):
         assert runs_by_bonds(beads(3, (0, 1), (1, 0), (1, 2), (1, 2)))[0] == [[([0, 1, 2], False)]]

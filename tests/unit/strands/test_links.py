@@ -64,9 +64,7 @@ def test_direct_bonds_of_beads_are_all_links():
 
 @pytest.mark.parametrize(("length", "is_link"), [(REACH, True), (REACH + 1, False)])
 def test_paths_of_bonds_have_a_reach(length, is_link):
-    table = replace(
-        AtomTable.beads(2, bonds=chain_bonds(range(length + 1))), atom_index=np.array([0, length])
-    )
+    table = replace(AtomTable.beads(2, bonds=chain_bonds(range(length + 1))), atom_index=np.array([0, length]))
     assert links(table) == ([[0, 1]] if is_link else [])
 
 
