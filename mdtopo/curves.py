@@ -15,7 +15,6 @@ from mdtopo.geometry.lattice import (
     Basis,
     basis_of,
     combine,
-    floors,
     inverse_of,
     lattice_vector,
     nearest_image,
@@ -76,8 +75,9 @@ def whole_strands(
     Returns
     -------
     whole : ndarray, shape (n, 3)
-        x + counts · cell for integer counts, each trace's centroid in the home cell: the image in which the file holds a
-        strand leaves no mark.
+        x + counts · cell for integer counts. The first trace stays where its first vertex is; the others take the image
+        whose centroid is nearest to its centroid. So the image in which the file holds a strand leaves no mark, and a
+        complex smaller than half the cell lies together.
     basis : ndarray, shape (3, 3)
         The reduced cell.
     winding : ndarray of int, shape (n_traces, 3)
@@ -88,16 +88,20 @@ def whole_strands(
     counts, winding = whole_counts(x, basis, vertices, offsets, closed)
     whole, reduced = np.empty_like(x), np.empty((3, 3))
     store_basis(basis, reduced)
+    anchor = (0.0, 0.0, 0.0)
     for g in range(len(closed)):
-        total = (0.0, 0.0, 0.0)
+        centre = (0.0, 0.0, 0.0)
         for k in range(offsets[g], offsets[g + 1]):
             i = vertices[k]
             v = lattice_vector((counts[i, 0], counts[i, 1], counts[i, 2]), basis)
-            total = add(total, add(row(x, i), v))
-        home = floors(combine(scale(1.0 / (offsets[g + 1] - offsets[g]), total), inverse))
+            centre = add(centre, add(row(x, i), v))
+        centre = scale(1.0 / (offsets[g + 1] - offsets[g]), centre)
+        if g == 0:
+            anchor = centre
+        move = nearest_image(subtract(centre, anchor), basis, inverse)
         for k in range(offsets[g], offsets[g + 1]):
             i = vertices[k]
-            v = lattice_vector((counts[i, 0] - home[0], counts[i, 1] - home[1], counts[i, 2] - home[2]), basis)
+            v = lattice_vector((counts[i, 0] + move[0], counts[i, 1] + move[1], counts[i, 2] + move[2]), basis)
             whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
     return whole, reduced, winding
 

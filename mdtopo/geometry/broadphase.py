@@ -14,6 +14,7 @@ from mdtopo.geometry.lattice import (
     inverse_of,
     lattice_vector,
     middle_of,
+    reduced_basis,
     volume,
 )
 from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
@@ -71,7 +72,7 @@ def candidate_pairs(
     m = len(radii)
     source, images = np.arange(m), np.zeros((m, 3), dtype=np.int64)
     basis0, basis1 = basis_of(cell0), basis_of(cell1)
-    if periodic:
+    if periodic and images_can_meet(mid0, mid1, radii, basis0, basis1):
         source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
     order, starts, shape = _bin(spheres)
@@ -80,10 +81,44 @@ def candidate_pairs(
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
         pairs[k, 0], pairs[k, 1] = source[first], source[second]
-        if periodic:
-            for axis in range(3):
-                shifts[k, axis] = images[second, axis] - images[first, axis]
+        for axis in range(3):
+            shifts[k, axis] = images[second, axis] - images[first, axis]
     return pairs, shifts
+
+
+@njit(cache=True, nogil=True)
+def images_can_meet(
+    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis
+) -> bool:
+    """Return whether the system is large enough for a sphere to meet an image of another, or of itself.
+
+    All spheres stay within R of one point. An image s is |s·H(t)| away, and s·H(t) lies within |s·ΔH|/2 of one of its
+    ends, which is at most |s·H0|/2 times the norm of H0⁻¹ΔH; so nothing meets where the shortest lattice vector, so
+    reduced, is longer than 2R. This spares a molecule that turns in a wide box all its images.
+    """
+    centre, n = (0.0, 0.0, 0.0), len(radii)
+    for i in range(n):
+        centre = add(centre, scale(0.5 / n, add(row(mid0, i), row(mid1, i))))
+    radius = 0.0
+    for i in range(n):
+        away = max(norm(subtract(row(mid0, i), centre)), norm(subtract(row(mid1, i), centre)))
+        radius = max(radius, away + radii[i])
+    inverse, squared = inverse_of(basis0), 0.0
+    for k in range(3):
+        turned = combine(inverse[k], subtract_bases(basis1, basis0))
+        squared += dot(turned, turned)
+    shrunk = 1.0 - 0.5 * np.sqrt(squared)
+    a, b, c = reduced_basis(basis0)
+    end = reduced_basis(basis1)
+    shortest = min(norm(a), min(norm(b), norm(c)))
+    shortest = min(shortest, min(norm(end[0]), min(norm(end[1]), norm(end[2]))))
+    return shortest * shrunk <= 2.0 * radius * OVERLAP_GUARD
+
+
+@njit(cache=True, nogil=True)
+def subtract_bases(basis1: Basis, basis0: Basis) -> Basis:
+    """Return the differences of the basis vectors."""
+    return subtract(basis1[0], basis0[0]), subtract(basis1[1], basis0[1]), subtract(basis1[2], basis0[2])
 
 
 @njit(cache=True, nogil=True)
@@ -178,7 +213,7 @@ def cell_drift(basis0: Basis, basis1: Basis) -> float:
 
     The greatest half shift of s·(basis1 - basis0) over |s_k| ≤ 1 stands at a corner of that cube.
     """
-    x, y, z = subtract(basis1[0], basis0[0]), subtract(basis1[1], basis0[1]), subtract(basis1[2], basis0[2])
+    x, y, z = subtract_bases(basis1, basis0)
     greatest = 0.0
     for corner in range(4):
         b, c = 1.0 - 2.0 * (corner & 1), 1.0 - (corner & 2)
