@@ -124,9 +124,7 @@ def sampled_distance_during(pair0: ArrayLike, pair1: ArrayLike, *, n: int = 201)
     return min(_distance_at(pair0, pair1, t) for t in np.linspace(0, 1, n))
 
 
-def least_distance_during(
-    pair0: ArrayLike, pair1: ArrayLike, *, tolerance: float = 1e-6
-) -> tuple[float, float]:
+def least_distance_during(pair0: ArrayLike, pair1: ArrayLike, *, tolerance: float = 1e-6) -> tuple[float, float]:
     """Return a lower and an upper bound of the least distance during the motion, `tolerance` apart at most.
 
     Branch and bound: the distance is ρ-Lipschitz in t with ρ the greatest relative displacement of the corner
@@ -227,17 +225,13 @@ def image_terms(offsets: Sequence[int], closed: Sequence[bool]) -> Iterator[Term
     An edge and an image of its own strand are "self", however near they are along the strand.
     """
     bounds = zip(offsets[:-1], offsets[1:], closed, strict=True)
-    edges = [
-        (e, k) for k, (i, j, ring) in enumerate(bounds) for e in strand_edges(int(i), int(j), bool(ring))
-    ]
+    edges = [(e, k) for k, (i, j, ring) in enumerate(bounds) for e in strand_edges(int(i), int(j), bool(ring))]
     for n, (e, k) in enumerate(edges):
         for f, m in edges[n:]:
             yield Term(e, f, "self" if k == m else "inter")
 
 
-def nu(
-    x: ArrayLike, offsets: Sequence[int], closed: Sequence[bool], cell: ArrayLike | None = None
-) -> Separation:
+def nu(x: ArrayLike, offsets: Sequence[int], closed: Sequence[bool], cell: ArrayLike | None = None) -> Separation:
     """Return ν by brute force: the least distance over all terms, with a cell over all images in range."""
     points = np.asarray(x, dtype=np.float64)
     best = min(
@@ -255,8 +249,6 @@ def nu(
     return best
 
 
-def _separation(
-    points: NDArray[np.float64], term: Term, shift: Shift, cell: NDArray[np.float64]
-) -> Separation:
+def _separation(points: NDArray[np.float64], term: Term, shift: Shift, cell: NDArray[np.float64]) -> Separation:
     (a, b), (c, d) = points[list(term.first)], points[list(term.second)] + np.array(shift) @ cell
     return Separation(edge_distance(a, b, c, d), term.first, term.second, shift, term.kind)

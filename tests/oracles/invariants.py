@@ -138,9 +138,7 @@ def _crossings(
             yield _Crossing((i, j), (s, r), int(gap[2] < 0), sign(dot(gap, cross(u, v))))
 
 
-def _crossing_parameters(
-    e: Segment, f: Segment, slopes: tuple[Fraction, Fraction]
-) -> tuple[Fraction, Fraction] | None:
+def _crossing_parameters(e: Segment, f: Segment, slopes: tuple[Fraction, Fraction]) -> tuple[Fraction, Fraction] | None:
     """Return where two edges cross in the projection along (slope, slope, 1), or None."""
     (a, b), (c, d) = ([_projected(p, slopes) for p in segment] for segment in (e, f))
     u, v, w = minus(b, a), minus(d, c), minus(c, a)

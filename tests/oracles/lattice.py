@@ -12,9 +12,7 @@ PAD = 1e-6
 """Added to ranges of images that are computed in floats: a few images too many cost time and nothing else."""
 
 
-def nearest_image_brute(
-    difference: ArrayLike, cell: ArrayLike, *, reach: int = 2
-) -> tuple[NDArray[np.float64], Shift]:
+def nearest_image_brute(difference: ArrayLike, cell: ArrayLike, *, reach: int = 2) -> tuple[NDArray[np.float64], Shift]:
     """Return the shortest of d + s·H over all shifts s with entries in -reach … reach, and its shift.
 
     The first in lexicographic order wins a tie. Right for vectors whose shortest image lies within the reach.
@@ -60,9 +58,7 @@ def shifts_within(
         raise ValueError("The cell changes too much in one step for a brute-force search of images.")
     middle = np.concatenate(corners).mean(axis=0)
     nearest = np.rint(middle @ np.linalg.inv((h[0] + h[1]) / 2))
-    longest = max(
-        np.linalg.norm(v - nearest @ cell, axis=1).max() for v, cell in zip(corners, h, strict=True)
-    )
+    longest = max(np.linalg.norm(v - nearest @ cell, axis=1).max() for v, cell in zip(corners, h, strict=True))
     radius = (reach + longest) / sigma + PAD
     box = range(-int(radius), int(radius) + 1)
     for s in product(box, repeat=3):

@@ -127,17 +127,13 @@ def _on_segment(p: list[Poly], q: list[Poly], r: list[Poly]) -> tuple[Polynomial
 
 
 def _state(signs: _Signs, root: Root) -> str | None:
-    """Return how the edges meet at a time: inside both ("touch"), at an end, parallel, or not at all (None).
+    """Return how two edges in one plane meet: inside both ("touch"), at an end, parallel, or not (None).
 
     Parallel segments, or a segment and a point, meet exactly where an end of one lies on the other.
     """
     if sign_at(signs.normal, root) == 0:
-        meets = any(
-            sign_at(area, root) == 0 and sign_at(along, root) <= 0 for area, along in signs.on_segment
-        )
+        meets = any(sign_at(area, root) == 0 and sign_at(along, root) <= 0 for area, along in signs.on_segment)
         return "parallel" if meets else None
-    if sign_at(signs.volume, root) != 0:
-        return None
     least = min(sign_at(p, root) for p in signs.inside)
     return {1: "touch", 0: "vertex", -1: None}[least]
 
@@ -282,7 +278,6 @@ def _boxes_meet(pair0: ExactPair, pair1: ExactPair) -> bool:
     """Return False where the boxes swept by the two edges are apart: then there is no contact."""
     one, other = pair0[0] + pair1[0], pair0[1] + pair1[1]
     return all(
-        max(min(p[k] for p in one), min(p[k] for p in other))
-        <= min(max(p[k] for p in one), max(p[k] for p in other))
+        max(min(p[k] for p in one), min(p[k] for p in other)) <= min(max(p[k] for p in one), max(p[k] for p in other))
         for k in range(3)
     )

@@ -67,9 +67,7 @@ def test_displacement_of_a_polyline(case: cases.PolylineCase) -> None:
 def test_crossings_of_a_polyline(case: cases.PolylineCase) -> None:
     found = oracles.passages(case.x0, case.x1, case.offsets, case.closed).events
     expected = [
-        oracles.Event(
-            event["t"], event["t"], event["s"], event["r"], event["sign"], *map(tuple, event["edges"])
-        )
+        oracles.Event(event["t"], event["t"], event["s"], event["r"], event["sign"], *map(tuple, event["edges"]))
         for event in case.expect["events"]
     ]
     assert list(found) == expected
@@ -155,10 +153,7 @@ def differences(points: cases.ExactPoints) -> cases.ExactPoints:
 
 
 def blended(case: cases.CurveCase, t: Fraction) -> cases.ExactPoints:
-    return [
-        [(1 - t) * x + t * y for x, y in zip(p, q, strict=True)]
-        for p, q in zip(case.p0, case.p1, strict=True)
-    ]
+    return [[(1 - t) * x + t * y for x, y in zip(p, q, strict=True)] for p, q in zip(case.p0, case.p1, strict=True)]
 
 
 def curve_point(points: Any, u: Any) -> list[Any]:
@@ -241,9 +236,7 @@ def test_radius_is_the_lesser_bound(case: cases.TubeCase) -> None:
 
 def test_curvature_and_self_distance_of_the_trefoil() -> None:
     x = np.linspace(0, 2 * np.pi, 20001)
-    velocity = np.stack(
-        [np.cos(x) + 4 * np.cos(2 * x), -np.sin(x) + 4 * np.sin(2 * x), -3 * np.cos(3 * x)], 1
-    )
+    velocity = np.stack([np.cos(x) + 4 * np.cos(2 * x), -np.sin(x) + 4 * np.sin(2 * x), -3 * np.cos(3 * x)], 1)
     bend = np.stack([-np.sin(x) - 8 * np.sin(2 * x), -np.cos(x) + 8 * np.cos(2 * x), 9 * np.sin(3 * x)], 1)
     kappa = np.linalg.norm(np.cross(velocity, bend), axis=1) / np.linalg.norm(velocity, axis=1) ** 3
     expect = TUBES["T11c"].expect

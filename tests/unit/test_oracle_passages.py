@@ -141,9 +141,7 @@ def test_two_separate_contacts_in_one_plane() -> None:
 
 @settings(max_examples=80)
 @given(four_points, four_points, st.booleans())
-def test_contact_is_where_the_exact_distance_is_zero(
-    x0: list[list[int]], x1: list[list[int]], in_plane: bool
-) -> None:
+def test_contact_is_where_the_exact_distance_is_zero(x0: list[list[int]], x1: list[list[int]], in_plane: bool) -> None:
     if in_plane:
         x0, x1 = ([[p[0], p[1], p[0] - p[1]] for p in x] for x in (x0, x1))
     found = oracles.pair_passages([x0[:2], x0[2:]], [x1[:2], x1[2:]])
@@ -293,6 +291,8 @@ def test_pairs_restrict_the_search() -> None:
     everything = oracles.passages(case.x0, case.x1, case.offsets, case.closed)
     some = oracles.passages(case.x0, case.x1, case.offsets, case.closed, pairs=[((4, 5), (0, 1))])
     assert len(everything.events) == 2
+    adjacent = oracles.passages(case.x0, case.x1, case.offsets, case.closed, pairs=[((2, 3), (3, 4))])
+    assert adjacent == oracles.Passages((), ())
     assert [(e.first, e.second, e.s, e.r) for e in some.events] == [((4, 5), (0, 1), HALF, Fraction(2, 3))]
 
 
@@ -323,6 +323,14 @@ def test_a_strand_passes_through_its_own_image() -> None:
     cell = [[6, 0, 0], [0, 40, 0], [0, 0, 40]]
     (event,) = oracles.passages(x0, x1, [0, 4], [False], cell0=cell, cell1=cell).events
     assert (event.first, event.second, event.shift, event.t_low) == ((0, 1), (2, 3), (-1, 0, 0), HALF)
+
+
+def test_a_strand_that_lies_on_its_own_image() -> None:
+    x = [[0, 0, 0], [7, 0, 0]]
+    cell = [[6, 0, 0], [0, 40, 0], [0, 0, 40]]
+    found = oracles.passages(x, x, [0, 2], [False], cell0=cell, cell1=cell)
+    assert [(c.first, c.second, c.shift) for c in found.contacts] == [((0, 1), (0, 1), (1, 0, 0))]
+    assert found.events == ()
 
 
 def read_truth(path: Path) -> Any:
