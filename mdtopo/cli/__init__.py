@@ -1,0 +1,60 @@
+"""The command line: ``mdtopo COMMAND ...``. Standard output carries data, standard error says everything else.
+
+Nothing that is slow to import is imported before a command needs it.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from mdtopo import __version__
+from mdtopo.cli import config, monitor, readers
+from mdtopo.cli.exits import EXIT_HELP, Exit, exit_code
+
+COMMANDS = (monitor, config, readers)
+
+DESCRIPTION = """\
+Prove that no strand passed through another between two frames of a molecular
+trajectory, or say where that is not proved.
+"""
+
+START = """\
+to begin:
+  mdtopo demo                         run the job on a small example
+  mdtopo doctor TOPOLOGY TRAJECTORY   see how your own files are understood
+  mdtopo monitor --help               all options of the job
+
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="mdtopo",
+        description=DESCRIPTION,
+        epilog=START + EXIT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"mdtopo {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add_parser(commands)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; no error leaves as a traceback unless one is asked for."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        arguments = build_parser().parse_args(words)
+    except SystemExit as end:  # argparse has said what is wrong, or printed the help
+        return int(end.code or 0)
+    arguments.argv = ["mdtopo", *words]
+    try:
+        code: Exit = arguments.run(arguments)
+        sys.stdout.flush()
+    except SystemExit as end:
+        return int(end.code or 0)
+    except (Exception, KeyboardInterrupt) as error:
+        return exit_code(error, show_traceback=getattr(arguments, "verbose", False))
+    return int(code)

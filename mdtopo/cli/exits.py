@@ -1,0 +1,80 @@
+"""How a command ends: exit codes, and the sentence for each error. Tracebacks are for developers only."""
+
+import errno
+import os
+import sys
+import traceback
+from contextlib import suppress
+from enum import IntEnum
+
+from mdtopo.errors import InputError, OutputError
+
+DEBUG_VARIABLE = "MDTOPO_DEBUG"
+"""Environment variable that, set to anything, shows tracebacks."""
+
+
+class Exit(IntEnum):
+    """The exit codes of every command."""
+
+    DONE = 0
+    INTERNAL = 1
+    USAGE = 2
+    ALERTS = 3
+    BAD_INPUT = 4
+    INTERRUPTED = 130  # 128 + SIGINT, as shells count
+    BROKEN_PIPE = 141  # 128 + SIGPIPE
+
+
+EXIT_HELP = """\
+exit codes:
+  0    done, whatever was found
+  1    internal error of mdtopo
+  2    the command line is wrong
+  3    alerts at or above --fail-on were raised
+  4    bad input, or output that cannot be written; also a trajectory that
+       could be read in part only (the results are kept, marked as incomplete)
+  130  interrupted from the keyboard
+"""
+
+
+def say(text: str) -> None:
+    """Write one line to standard error, after the name of the program."""
+    sys.stderr.write(f"mdtopo: {text}\n")
+    sys.stderr.flush()
+
+
+def exit_code(error: BaseException, *, show_traceback: bool) -> Exit:
+    """Return the exit code for an error that ended a command, and say the error in one sentence."""
+    if _is_broken_pipe(error):
+        _forget_stdout()
+        return Exit.BROKEN_PIPE
+    if show_traceback or os.environ.get(DEBUG_VARIABLE):
+        traceback.print_exception(error)
+    if isinstance(error, KeyboardInterrupt):
+        say(" ".join(["interrupted.", *getattr(error, "__notes__", [])]))
+        return Exit.INTERRUPTED
+    if isinstance(error, InputError | OutputError):
+        say(str(error))
+        return Exit.BAD_INPUT
+    say(
+        f"internal error: {type(error).__name__}: {error}\n"
+        "mdtopo: this is a fault of mdtopo, not of your input. Please report it with the command and its output when "
+        f"{DEBUG_VARIABLE}=1 is set."
+    )
+    return Exit.INTERNAL
+
+
+def _is_broken_pipe(error: BaseException) -> bool:
+    """Return whether whoever read our standard output has gone away, as ``| head`` does."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, BrokenPipeError) or (isinstance(cause, OSError) and cause.errno == errno.EPIPE):
+            return True
+        cause = cause.__cause__
+    return False
+
+
+def _forget_stdout() -> None:
+    # the interpreter flushes stdout once more at its end, and would print an error of its own
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,206 @@
+"""``mdtopo monitor``: the main job."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mdtopo.cli.configfile import knobs_of, read_config
+from mdtopo.cli.exits import EXIT_HELP, Exit, say
+from mdtopo.cli.options import MONITOR_OPTIONS, add_options, frame_slice, given_options, settled
+from mdtopo.cli.progress import ProgressDisplay, StderrHandler
+from mdtopo.cli.summary import counts_as_failure, summary_text
+from mdtopo.errors import InputError, OptionError
+from mdtopo.records.config import MonitorConfig
+
+if TYPE_CHECKING:
+    from mdtopo.pipeline import Progress
+    from mdtopo.records import RunSummary
+
+DESCRIPTION = """\
+Look at every step of a trajectory (a step joins two consecutive frames) and prove that no strand passed through
+another in it, or say that this is not proved. Raise alerts, and keep every number in a results file.
+"""
+
+EXAMPLE = """\
+example:
+  mdtopo monitor top.pdb traj.xtc -s "protein and name CA" -o run.h5 --alerts alerts.jsonl
+
+"""
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "monitor",
+        help="watch every step of a trajectory: the main job",
+        description=DESCRIPTION,
+        epilog=EXAMPLE + EXIT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_inputs(parser)
+    add_config(parser)
+    add_options(parser, MONITOR_OPTIONS)
+    parser.set_defaults(run=run, parser=parser)
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Add the input files."""
+    parser.add_argument(
+        "topology", metavar="TOPOLOGY", help="file that names the atoms: PDB, PSF, TPR, GRO, LAMMPS data, npz, ..."
+    )
+    parser.add_argument(
+        "trajectory", metavar="TRAJECTORY", nargs="*", help="trajectory file, or its parts in order: XTC, DCD, TRR, ..."
+    )
+
+
+def add_config(parser: argparse.ArgumentParser) -> None:
+    """Add the configuration file."""
+    parser.add_argument(
+        "--config",
+        metavar="FILE",
+        type=Path,
+        help="TOML file with any of these options ('mdtopo config' prints one); the command line wins over it",
+    )
+
+
+def settled_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return a value for every option of the job, from its default, the configuration file and the command line."""
+    given = given_options(arguments, MONITOR_OPTIONS)
+    try:
+        MonitorConfig.from_mapping(knobs_of(given))
+    except OptionError as error:
+        arguments.parser.error(str(error))
+    stored = read_config(arguments.config) if arguments.config is not None else {}
+    return settled(MONITOR_OPTIONS, stored, given)
+
+
+def run(arguments: argparse.Namespace) -> Exit:
+    """Run the job as the command line says, and print what it came to."""
+    options = settled_options(arguments)
+    inputs = [Path(arguments.topology), *(Path(part) for part in arguments.trajectory)]
+    summary = run_job(inputs, options, argv=arguments.argv)
+    if summary.stopped:
+        kept = f" The {summary.n_steps} steps before are in {summary.results}." if summary.results else ""
+        say(f"the run stopped early: {summary.stopped}{kept}")
+        return Exit.BAD_INPUT
+    return Exit.ALERTS if counts_as_failure(summary.alerts, options["fail_on"]) else Exit.DONE
+
+
+def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) -> "RunSummary":
+    """Run the job with settled options, and print its summary.
+
+    Raises
+    ------
+    MdtopoError
+        As `mdtopo.pipeline.monitor` does.
+    """
+    from mdtopo.pipeline import monitor
+
+    _refuse_same_file(inputs, options)
+    config = MonitorConfig.from_mapping(knobs_of(dict(options)))
+    to_stdout = options["alerts"] == "-"
+    display = _Display(quiet=options["quiet"], bar=sys.stderr.isatty() and not (to_stdout and sys.stdout.isatty()))
+    with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]):
+        summary = monitor(
+            *inputs,
+            select=options["select"],
+            out=options["out"],
+            alerts=options["alerts"],
+            frames=frame_slice(options["frames"]),
+            config=config,
+            reader=options["reader"],
+            reader_options=options["reader_option"],
+            overwrite=options["overwrite"],
+            on_progress=display.show,
+            argv=argv,
+        )
+    if not options["quiet"]:
+        stream = sys.stderr if to_stdout else sys.stdout
+        stream.write(_summary(summary, config, options))
+        stream.flush()
+    return summary
+
+
+def _summary(summary: "RunSummary", config: MonitorConfig, options: Mapping[str, Any]) -> str:
+    results = str(summary.results) if summary.results is not None else ""
+    alerts = "" if options["alerts"] in (None, "-") else str(options["alerts"])
+    return summary_text(summary, config, closest=_closest_pair(summary), alerts_at=alerts, results_at=results)
+
+
+def _closest_pair(summary: "RunSummary") -> str:
+    """Return the names of the two edges that came closest, from the results file."""
+    from mdtopo.store import read_results
+
+    if summary.results is None or summary.clearance_step < 0:
+        return ""
+    results = read_results(summary.results, columns=("clearance_pair",))
+    pair = results.steps["clearance_pair"][summary.clearance_step - results.first_step]
+    if (pair < 0).any():
+        return ""
+    strands = results.strands
+    first, second = (strands.labels.text(a) if a == b else strands.describe_edge((a, b)) for a, b in pair)
+    return f"{first} and {second}"
+
+
+def _refuse_same_file(inputs: list[Path], options: Mapping[str, Any]) -> None:
+    """Refuse to write over an input, or two outputs to one file: --overwrite must not destroy a trajectory."""
+    taken = {path.resolve(): "an input file" for path in inputs}
+    for name in ("out", "alerts"):
+        if options[name] in (None, "-"):
+            continue
+        path = Path(options[name]).resolve()
+        if path in taken and (path.is_file() or not path.exists()):
+            raise InputError(f"--{name} {options[name]} is {taken[path]} too; choose another name.")
+        taken[path] = "the results file"
+
+
+class _Display:
+    """The progress display, or none when all is to be quiet; remembers whether any step was measured."""
+
+    def __init__(self, *, quiet: bool, bar: bool) -> None:
+        self.progress = None if quiet else ProgressDisplay(bar=bar)
+        self.steps = 0
+
+    def show(self, progress: "Progress") -> None:
+        self.steps = progress.steps
+        if self.progress is not None:
+            self.progress.show(progress)
+
+    def __enter__(self) -> "_Display":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.progress is not None:
+            self.progress.clear()
+
+
+@contextmanager
+def _interruptible(display: _Display, out: str | None) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if out is not None and display.steps:
+            error.add_note(
+                f"The {display.steps} steps measured until then are in {out}, which is marked as incomplete."
+            )
+        raise
+
+
+@contextmanager
+def logging_to_stderr(options: Mapping[str, Any], progress: ProgressDisplay | None = None) -> Iterator[None]:
+    """Show what mdtopo logs on standard error, and nothing of other packages."""
+    logger = logging.getLogger("mdtopo")
+    handler, before = StderrHandler(progress), (logger.level, logger.propagate)
+    level = logging.DEBUG if options["verbose"] else logging.INFO
+    logger.setLevel(logging.WARNING if options["quiet"] else level)
+    logger.propagate = False
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.level, logger.propagate = before
