@@ -4,10 +4,20 @@ numba itself chooses the place: ``NUMBA_CACHE_DIR`` if that is set, else beside 
 else a directory of the user. A key of its index names the signature, the processor and the bytecode.
 """
 
+import logging
 from pathlib import Path
 from typing import Any
 
 from mdtopo.measure import measure_steps
+
+log = logging.getLogger("mdtopo")
+
+
+def announce_compilation() -> None:
+    """Log one line if the kernels are to be compiled now, because that takes long and looks like a hang."""
+    directory = cold_cache()
+    if directory is not None:
+        log.info("Compiling the kernels, about half a minute, once; they are kept in %s.", directory)
 
 
 def cold_cache() -> Path | None:

@@ -17,7 +17,7 @@ import numpy as np
 from mdtopo.alerts import AlertStream, count_steps
 from mdtopo.bonds import reference_lengths
 from mdtopo.errors import InputError, MdtopoError, OutputError, StrandError, TrajectoryError
-from mdtopo.kernelcache import cold_cache
+from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import Setting, measure_block, reference_samples, ring_windings
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
 from mdtopo.records import (
@@ -165,7 +165,7 @@ def step_tables(
         When a frame cannot be read; the steps before it have been yielded by then.
     """
     first, stream = _lead_in(reader, frames, config.reference_frames)
-    _announce_compilation()
+    announce_compilation()
     reference = reference_lengths(reference_samples(first, reader.strands))
     if on_reference is not None:
         on_reference(reference)
@@ -173,12 +173,6 @@ def step_tables(
     for block in frame_blocks(stream, reader.strands, config.block_steps):
         table, setting = measure_block(block, setting)
         yield table
-
-
-def _announce_compilation() -> None:
-    directory = cold_cache()
-    if directory is not None:
-        log.info("Compiling the kernels, about half a minute, once; they are kept in %s.", directory)
 
 
 def _lead_in(reader: Reader, frames: slice, n_reference: int) -> tuple[list[Frame], Iterator[Frame]]:
