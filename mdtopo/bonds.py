@@ -85,6 +85,11 @@ class BondState:
         """Return the state at the start of a run."""
         return cls(np.zeros(n_edges, dtype=np.bool_), np.zeros(n_edges, dtype=np.int64))
 
+    @property
+    def is_intact(self) -> bool:
+        """Whether no edge is broken, and none is on the way to it."""
+        return not (self.broken.any() or self.streak.any())
+
     def after(self, ratios: Ratios, limits: BondLimits, n_frames: int) -> "BondState":
         """Return the state after one more frame.
 

@@ -23,7 +23,7 @@ The numbers of a step (ν, greatest ratio, least clearance of each class) are ex
 reach. A pair is measured in full only if a cheap bound does not already show that it cannot change any of them.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.broadphase import candidate_pairs
-from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
+from mdtopo.geometry.distances import LEAST_SQUARE, UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.hull import hull_distance
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
@@ -39,6 +39,9 @@ from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+Corners: TypeAlias = tuple[Vector, Vector, Vector, Vector]
+"""The ends of two edges: a, b of the first and c, d of the second."""
 
 N_RUNGS = len(Rung)
 BALL, TWO_FRAME_BALL, BROAD_PHASE = int(Rung.BALL), int(Rung.TWO_FRAME_BALL), int(Rung.BROAD_PHASE)
@@ -62,8 +65,10 @@ NEARLY_PARALLEL = 1e-6
 FIRST_REACH = 1.2
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
-PLACING_ERROR = 8.0 * UNIT_ROUNDOFF
-"""Rounding of x + s·H, as a multiple of the greatest coordinate: three products, three sums, twice."""
+PLACING_ERROR = 64.0 * UNIT_ROUNDOFF
+"""Rounding of what is not a stored coordinate (a midpoint, a half edge, a vertex placed at an image), as a multiple of the
+greatest coordinate and cell vector. A midpoint is off by u·√3 of the coordinate, an image by 8u of each lattice vector;
+ρ, which adds four of each, by less than 48u."""
 
 
 class StepMeasure(NamedTuple):
@@ -187,14 +192,14 @@ def line_bound(centre: Vector, first: Vector, second: Vector) -> float:
     """Return how far the *lines* of two edges are apart: a lower bound of the edges' distance; 0 if nearly parallel."""
     normal = cross(first, second)
     size = dot(normal, normal)
-    if size <= NEARLY_PARALLEL * dot(first, first) * dot(second, second):
+    if not size > max(NEARLY_PARALLEL * dot(first, first) * dot(second, second), LEAST_SQUARE):
         return 0.0
     return abs(dot(normal, centre)) / np.sqrt(size)
 
 
 @njit(cache=True, nogil=True)
-def relative_motion(drift: Vector, first: Vector, second: Vector) -> float:
-    """Return ρ: how far a corner of one edge moves relative to a corner of the other, at most; Å.
+def motion_bound(drift: Vector, first: Vector, second: Vector) -> float:
+    """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from midpoints; Å.
 
     Parameters
     ----------
@@ -210,12 +215,23 @@ def relative_motion(drift: Vector, first: Vector, second: Vector) -> float:
 
 
 @njit(cache=True, nogil=True)
-def direction_clearance(
-    n0: Vector,
-    n1: Vector,
-    start: tuple[Vector, Vector, Vector, Vector],
-    end: tuple[Vector, Vector, Vector, Vector],
-) -> float:
+def relative_motion(start: Corners, end: Corners) -> float:
+    """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from the corners; Å.
+
+    Guarantee
+    ---------
+    Proven: never below the true value; each motion is rounded once, then each difference of two.
+    """
+    a, b = subtract(end[0], start[0]), subtract(end[1], start[1])
+    c, d = subtract(end[2], start[2]), subtract(end[3], start[3])
+    ac, ad, bc, bd = subtract(a, c), subtract(a, d), subtract(b, c), subtract(b, d)
+    squared = max(max(dot(ac, ac), dot(ad, ad)), max(dot(bc, bc), dot(bd, bd)))
+    moved = max(max(dot(a, a), dot(b, b)), max(dot(c, c), dot(d, d)))
+    return np.sqrt(squared) * (1.0 + 8.0 * UNIT_ROUNDOFF) + 8.0 * UNIT_ROUNDOFF * np.sqrt(moved)
+
+
+@njit(cache=True, nogil=True)
+def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners) -> float:
     """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4)."""
     best = -np.inf
     size0, size1 = norm(n0), norm(n1)
@@ -275,9 +291,9 @@ def cheap_bounds(
         Greatest relative motion of two corners, an upper bound.
     """
     drift, w = subtract(centre1, centre0), add(centre0, centre1)
-    rho = relative_motion(drift, subtract(first1, first0), subtract(second1, second0)) + slack
+    rho = motion_bound(drift, subtract(first1, first0), subtract(second1, second0)) + slack
     length = norm(w)
-    if length == 0.0:
+    if not length * length > LEAST_SQUARE:
         return -1.0, 0.0, 0.0, rho
     rounding = slack + BOUND_ERROR * (length + rho + reach)
     slab0 = slab_bound(w, centre0, first0, second0) / length - rounding
@@ -307,30 +323,31 @@ def settle_pair(
     best: Extremes,
 ) -> None:
     """Settle one pair of edges by the cheapest rung that does, and keep what it adds to the step's extremes."""
-    gap, low0, low1, rho = bounds
+    gap, low0, low1, _ = bounds
     shift0 = lattice_vector(image, basis_of(motion.cell0))
     shift1 = lattice_vector(image, basis_of(motion.cell1))
     a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
     a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
     c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
     c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
+    start, end = (a0, b0, c0, d0), (a1, b1, c1, d1)
+    placing = 0.0 if image == (0, 0, 0) else slack  # stored coordinates are exact
     _, _, n0 = closest_points(a0, b0, c0, d0)
     _, _, n1 = closest_points(a1, b1, c1, d1)
-    low0 = max(dual_bound(n0, a0, b0, c0, d0) - slack, low0)
-    low1 = max(dual_bound(n1, a1, b1, c1, d1) - slack, low1)
+    low0 = max(dual_bound(n0, a0, b0, c0, d0) - placing, low0)
+    low1 = max(dual_bound(n1, a1, b1, c1, d1) - placing, low1)
+    rho = relative_motion(start, end) + placing
     keep_nu(edges[i], edges[j], kind, norm(n0), norm(n1), low0, low1, best)
     keep_ratio(edges[i], edges[j], rho, low0, low1, best)
     rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
-    if gap <= 0.0:
+    # tests are for what is proved, so that a NaN proves nothing
+    if not gap > 0.0:
         rung = RELATIVE_MOTION
-        if clearance <= 0.0:
-            rung, clearance = (
-                DIRECTION,
-                direction_clearance(n0, n1, (a0, b0, c0, d0), (a1, b1, c1, d1)) - slack,
-            )
-        if clearance <= 0.0:
-            rung, clearance = HULL, hull_clearance((a0, b0, c0, d0), (a1, b1, c1, d1)) - slack
-        if clearance <= 0.0:
+        if not clearance > 0.0:
+            rung, clearance = DIRECTION, direction_clearance(n0, n1, start, end) - placing
+        if not clearance > 0.0:
+            rung, clearance = HULL, hull_clearance(start, end) - placing
+        if not clearance > 0.0:
             rung, clearance = OPEN, 0.0
     best.rung_pairs[rung] += 1
     if clearance < best.least[kind]:
@@ -451,7 +468,7 @@ def climb_pairs(
 
 
 @njit(cache=True, nogil=True)
-def meet_end_terms(motion: StepMotion, end_terms: IntArray, slack: float, best: Extremes) -> None:
+def meet_end_terms(motion: StepMotion, end_terms: IntArray, best: Extremes) -> None:
     """Take the end terms into ν: a vertex against its neighbour, or against the neighbour's edge.
 
     They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and lets nothing pass.
@@ -463,8 +480,8 @@ def meet_end_terms(motion: StepMotion, end_terms: IntArray, slack: float, best: 
         near0, near1 = norm(n0), norm(n1)
         low0 = dual_bound(n0, row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
         low1 = dual_bound(n1, row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
-        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0 - slack)
-        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1 - slack)
+        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0)
+        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1)
         best.values[NU1] = min(best.values[NU1], near1)
         if near0 < best.values[NU0]:
             best.values[NU0], best.nu_class[0] = near0, 0
@@ -506,17 +523,17 @@ def measure_step(
     Proven: if the rung is not OPEN, no two edges that do not share a vertex meet at any time of the step, in any image.
     """
     displacement, vertex = greatest_displacement(motion.x0, motion.x1)
-    slack = PLACING_ERROR * greatest_coordinate(motion) if periodic else 0.0
+    slack = PLACING_ERROR * greatest_coordinate(motion)
     spheres = spheres_of(motion, edges)
     local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
     climb_pairs(local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, local)
-    meet_end_terms(motion, end_terms, slack, local)
+    meet_end_terms(motion, end_terms, local)
     has_self, has_inter = has_pairs(trace, following, periodic)
     edge_length = mean_edge_length(spheres)
     widest = WIDEST_REACH * edge_length
     reach, drift, best = min(FIRST_REACH * local.values[NU0], edge_length), 0.0, local
     while len(edges) > 0:
-        radii = padded_radii(spheres, reach)
+        radii = padded_radii(spheres, reach, slack)
         pairs, images = candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
         best = copy_extremes(local)
         drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, best)
@@ -537,14 +554,14 @@ def mean_edge_length(spheres: Spheres) -> float:
 
 
 @njit(cache=True, nogil=True)
-def padded_radii(spheres: Spheres, reach: float) -> FloatArray:
+def padded_radii(spheres: Spheres, reach: float, slack: float) -> FloatArray:
     """Return radii such that two spheres that never meet belong to edges that stay more than `reach` apart.
 
     They also have a ratio below 1/RATIO_REACH.
     """
     radii = np.empty(len(spheres.half))
     for k in range(len(radii)):
-        radii[k] = spheres.half[k] + max(0.5 * reach, 0.5 * RATIO_REACH * spheres.motion[k])
+        radii[k] = spheres.half[k] + max(0.5 * reach, 0.5 * RATIO_REACH * spheres.motion[k]) + slack
     return radii
 
 
@@ -588,6 +605,7 @@ def conclude(
     counts = best.rung_pairs.copy()
     clearances, witness = best.least.copy(), best.witness.copy()
     moved = displacement * (1.0 + 8.0 * UNIT_ROUNDOFF)
+    drift *= 1.0 + 8.0 * UNIT_ROUNDOFF
     ball = best.values[NU0_PROVEN] - 2.0 * moved - drift
     two_frame_ball = 0.5 * (best.values[NU0_PROVEN] + best.values[NU1_PROVEN] - 2.0 * moved - drift)
     rung = BROAD_PHASE

@@ -158,6 +158,8 @@ class Setting:
         The edges that are left.
     bonds : BondState
         Which edges are broken, after the last frame seen.
+    has_started : bool
+        Whether the run's first frame has been seen.
     """
 
     strands: Strands
@@ -165,6 +167,7 @@ class Setting:
     limits: BondLimits
     traces: Traces
     bonds: BondState
+    has_started: bool = False
 
     @classmethod
     def start(cls, strands: Strands, config: MonitorConfig, reference: ReferenceLengths) -> "Setting":
@@ -200,13 +203,13 @@ def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setti
     ratios = np.full((block.n_steps + 1, len(setting.limits.reference)), np.nan)
     broken: list[BrokenEdge] = []
     start = 0
-    if block.first_step == 0:
+    if not setting.has_started:
         setting, fresh = _watch_first_frame(block, usable, setting)
         broken += fresh
     while start < block.n_steps:
         frames = _whole(block, usable, slice(start, None), setting)
         _note_winding(frames, start, setting, usable, problems)
-        ratios[start:] = setting.all_edges(frames.lengths)
+        ratios[start + 1 :] = setting.all_edges(frames.lengths[1:])  # a frame belongs to the step that it ends
         stop, after = _until_break(ratios[start + 1 :], setting)
         part = slice(start, start + stop)
         _measure(block, frames, usable, part, setting, columns)
@@ -257,7 +260,7 @@ def _watch_first_frame(block: FrameBlock, usable: Flags, setting: Setting) -> tu
     ratios = setting.all_edges(frames.lengths)[0]
     after = setting.bonds.after(ratios, setting.limits, setting.config.fracture_frames)
     fresh = _newly_broken(block, 0, ratios, setting.bonds, after, setting)
-    return _with_bonds(setting, after), fresh
+    return replace(_with_bonds(setting, after), has_started=True), fresh
 
 
 def _with_bonds(setting: Setting, after: BondState) -> Setting:
@@ -455,7 +458,7 @@ def reference_samples(frames: list[Frame], strands: Strands) -> Lengths:
     traces = Traces.of(strands)
     samples = np.full((len(frames), len(strands.edges)), np.nan)
     for k, frame in enumerate(frames):
-        if frame.is_finite:
+        if not frame.problem:
             samples[k, traces.edge_index] = _one_whole_frame(frame, traces).lengths[0]
     return samples
 
@@ -577,9 +580,8 @@ def checked_positions(x: Points, strands: Strands, name: str) -> Points:
     array = np.ascontiguousarray(x, dtype=np.float64)
     if array.shape != (strands.n_vertices, 3):
         raise InputError(f"{name} has shape {array.shape}; the strands need ({strands.n_vertices}, 3).")
-    if not np.isfinite(array).all():
-        vertex = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(f"{name} holds {array[vertex].tolist()} at vertex {vertex}; coordinates must be finite.")
+    if problem := Frame(0, np.nan, array).problem:
+        raise InputError(f"{name} cannot be used: {problem}.")
     return array
 
 

@@ -5,7 +5,7 @@ import logging
 import os
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import chain, islice
@@ -16,7 +16,7 @@ import numpy as np
 
 from mdtopo.alerts import AlertStream, count_steps
 from mdtopo.bonds import reference_lengths
-from mdtopo.errors import InputError, MdtopoError, OutputError, StrandError, TrajectoryError
+from mdtopo.errors import InputError, OutputError, StrandError, TrajectoryError
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import Setting, measure_block, reference_samples, ring_windings
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
@@ -165,12 +165,18 @@ def step_tables(
         When a frame cannot be read; the steps before it have been yielded by then.
     """
     first, stream = _lead_in(reader, frames, config.reference_frames)
+    if not first:
+        return
     announce_compilation()
     reference = reference_lengths(reference_samples(first, reader.strands))
     if on_reference is not None:
         on_reference(reference)
+    refuse_winding(first[0], reader.strands)
+    periodic = first[0].cell is not None
+    if not periodic:
+        log.info("The first frame has no periodic box; the run is treated as not periodic.")
     setting = Setting.start(reader.strands, config, reference)
-    for block in frame_blocks(stream, reader.strands, config.block_steps):
+    for block in frame_blocks(stream, config.block_steps, periodic=periodic):
         table, setting = measure_block(block, setting)
         yield table
 
@@ -204,32 +210,34 @@ def _raising(failure: TrajectoryError | None) -> Iterator[Frame]:
     yield from ()
 
 
-def frame_blocks(frames: Iterator[Frame], strands: Strands, block_steps: int) -> Iterator[FrameBlock]:
+def frame_blocks(frames: Iterator[Frame], block_steps: int, *, periodic: bool) -> Iterator[FrameBlock]:
     """Yield the frames in blocks that share one frame; a frame that cannot be used carries the reason.
 
     If the stream fails, the frames before the failure are yielded first, then the error is raised.
     """
-    first = next(frames, None)
-    if first is None:
+    carried = next(frames, None)
+    if carried is None:
         return
-    periodic = first.cell is not None
-    if not periodic:
-        log.info("The first frame has no periodic box; the run is treated as not periodic.")
-    _refuse_winding(first, strands)
-    carried, first_step = first, 0
-    failure: TrajectoryError | None = None
+    first_step, failure = 0, None
     while failure is None:
         taken, failure = _take(frames, block_steps)
         if not taken:
             break
-        yield _block([carried, *taken], first_step, periodic)
+        yield block_of([carried, *taken], first_step, periodic=periodic)
         carried, first_step = taken[-1], first_step + len(taken)
     if failure is not None:
         raise failure
 
 
-def _refuse_winding(frame: Frame, strands: Strands) -> None:
-    if frame.cell is None or not frame.is_finite:
+def refuse_winding(frame: Frame, strands: Strands) -> None:
+    """Refuse rings that close through the periodic boundary, by name.
+
+    Raises
+    ------
+    StrandError
+        If there is such a ring in the frame, the trajectory's first.
+    """
+    if frame.cell is None or frame_problem(frame, periodic=True):
         return
     for name, winding in ring_windings(frame, strands):
         raise StrandError(
@@ -238,7 +246,18 @@ def _refuse_winding(frame: Frame, strands: Strands) -> None:
         )
 
 
-def _block(frames: list[Frame], first_step: int, periodic: bool) -> FrameBlock:
+def block_of(frames: Sequence[Frame], first_step: int, *, periodic: bool) -> FrameBlock:
+    """Return consecutive analysed frames as one block.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        At least one.
+    first_step : int
+        The step that joins the first two.
+    periodic : bool
+        Whether the run is periodic, as its trajectory's first frame says.
+    """
     empty = np.full((3, 3), np.nan)
     cells = np.stack([frame.cell if frame.cell is not None else empty for frame in frames])
     return FrameBlock(
@@ -247,23 +266,17 @@ def _block(frames: list[Frame], first_step: int, periodic: bool) -> FrameBlock:
         np.array([frame.time for frame in frames]),
         np.stack([frame.positions for frame in frames]),
         cells if periodic else None,
-        tuple(_problem(frame, periodic) for frame in frames),
+        tuple(frame_problem(frame, periodic=periodic) for frame in frames),
     )
 
 
-def _problem(frame: Frame, periodic: bool) -> str:
-    """Return why a frame cannot be used, in words; empty where it can."""
-    bad = np.flatnonzero(~np.isfinite(frame.positions).all(axis=1))
-    if len(bad):
-        count = "1 vertex has" if len(bad) == 1 else f"{len(bad)} vertices have"
-        return f"{count} a coordinate that is not finite (the first is vertex {bad[0]})"
+def frame_problem(frame: Frame, *, periodic: bool) -> str:
+    """Return why a frame cannot be used in a run, in words; empty where it can."""
     if periodic and frame.cell is None:
-        return "no periodic box, unlike the first frame"
+        return "it has no periodic box, unlike the trajectory's first frame"
     if not periodic and frame.cell is not None:
-        return "a periodic box, unlike the first frame"
-    if frame.cell is not None and not (np.isfinite(frame.cell).all() and abs(np.linalg.det(frame.cell)) > 0.0):
-        return "a periodic box without a volume"
-    return ""
+        return "it has a periodic box, unlike the trajectory's first frame"
+    return frame.problem
 
 
 def monitor(
@@ -454,6 +467,3 @@ class AlertFile:
     def __exit__(self, *_: object) -> None:
         if self._file is not None and self._file is not sys.stdout:
             self._file.close()
-
-
-__all__ = ["AlertFile", "MdtopoError", "Progress", "monitor", "open_input", "step_tables", "steps"]

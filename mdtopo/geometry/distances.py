@@ -19,6 +19,9 @@ Each difference v is rounded once per component (u·|v|). Then |fl(w·v) - w·v|
 quotient 1u: together less than 8u·|v|. Sixteen leaves a factor of two.
 """
 
+LEAST_SQUARE = 1e-280
+"""Squared lengths below this have lost digits to underflow, or soon would; nothing is concluded from them."""
+
 
 @njit(cache=True, nogil=True)
 def clamp(value: float) -> float:
@@ -73,9 +76,10 @@ def dual_bound(w: Vector, p0: Vector, p1: Vector, q0: Vector, q1: Vector) -> flo
     """
     a, b = subtract(p0, q0), subtract(p0, q1)
     c, d = subtract(p1, q0), subtract(p1, q1)
-    length = norm(w)
-    if length == 0.0:
+    squared = dot(w, w)
+    if not squared > LEAST_SQUARE:
         return 0.0
+    length = np.sqrt(squared)
     least = min(min(dot(w, a), dot(w, b)), min(dot(w, c), dot(w, d)))
     greatest = max(max(dot(a, a), dot(b, b)), max(dot(c, c), dot(d, d)))
     return least / length - DUAL_ERROR * np.sqrt(greatest)

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.geometry.distances import DUAL_ERROR
-from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
+from mdtopo.geometry.distances import DUAL_ERROR, LEAST_SQUARE
+from mdtopo.geometry.vectors import Vector, add, cross, dot, row, scale, subtract
 
 MAX_ITERATIONS = 64
 """GJK ends in a few rounds; a set that is degenerate in rounding may cycle, and is then left with a valid direction."""
@@ -140,9 +140,10 @@ def direction_bound(points: NDArray[np.float64], w: Vector) -> float:
     ---------
     Proven: the origin is at least this far from conv(points), whatever w is; negative or 0 proves nothing.
     """
-    length = norm(w)
-    if length == 0.0:
+    squared = dot(w, w)
+    if not squared > LEAST_SQUARE:
         return 0.0
+    length = np.sqrt(squared)
     least, greatest = np.inf, 0.0
     for i in range(points.shape[0]):
         v = row(points, i)

@@ -129,9 +129,7 @@ class ArraysReader(Reader):
         if isinstance(source.object, np.ndarray):
             return cls._open_array(source.object, request)
         if len(source.paths) != 1:
-            raise UnknownFormatError(
-                f"The arrays reader takes one .npz file or one array, not {source.title}."
-            )
+            raise UnknownFormatError(f"The arrays reader takes one .npz file or one array, not {source.title}.")
         return cls._open_file(source.paths[0], request)
 
     @classmethod
@@ -140,8 +138,7 @@ class ArraysReader(Reader):
         _check_positions(positions)
         if request.strands is None:
             raise StrandError(
-                "An array does not say which vertices form a strand; "
-                "pass strands=mdtopo.Strands.from_lengths([...])."
+                "An array does not say which vertices form a strand; pass strands=mdtopo.Strands.from_lengths([...])."
             )
         _check_vertices(request.strands, positions)
         times = _times(request.options.get("time"), positions)
@@ -151,9 +148,7 @@ class ArraysReader(Reader):
     @classmethod
     def _open_file(cls, path: Path, request: ReaderRequest) -> Self:
         for name in request.options:
-            raise OptionError(
-                f"The reader option {name!r} is for arrays in memory; store '{name}' in {path} instead."
-            )
+            raise OptionError(f"The reader option {name!r} is for arrays in memory; store '{name}' in {path} instead.")
         archive = NpzArchive(path)
         try:
             return cls._from_archive(archive, request.strands)
@@ -206,9 +201,7 @@ class ArraysReader(Reader):
         """What was left out, and which frames are not periodic although there is a cell."""
         return self._notes
 
-    def frames(
-        self, start: int | None = None, stop: int | None = None, step: int | None = None
-    ) -> Iterator[Frame]:
+    def frames(self, start: int | None = None, stop: int | None = None, step: int | None = None) -> Iterator[Frame]:
         """Yield the frames of a Python slice, in order; a negative step re-reads a file for every frame.
 
         Raises
@@ -253,9 +246,7 @@ def _check_positions(positions: _Positions) -> None:
     if len(shape) != 3 or shape[2] != 3:
         raise InputError(f"The positions in {positions.title} have shape {shape}; expected (n_frames, n, 3).")
     if not _is_number(dtype):
-        raise InputError(
-            f"The positions in {positions.title} are of dtype {dtype}; expected float64 or float32."
-        )
+        raise InputError(f"The positions in {positions.title} are of dtype {dtype}; expected float64 or float32.")
     if shape[0] == 0:
         raise TrajectoryError(f"The positions in {positions.title} hold no frames: their shape is {shape}.")
 
@@ -267,9 +258,7 @@ def _check_keys(archive: NpzArchive, given: Strands | None) -> None:
             found = ", ".join(archive.keys) or "nothing"
             raise InputError(f"{archive.path} has no array '{key}'; it holds {found}.")
     if given is not None and any(key in archive.keys for key in STRAND_KEYS):
-        raise StrandError(
-            f"{archive.path} holds strands of its own, and others were given; leave one of them out."
-        )
+        raise StrandError(f"{archive.path} holds strands of its own, and others were given; leave one of them out.")
 
 
 def _check_vertices(strands: Strands, positions: _Positions) -> None:
@@ -300,9 +289,7 @@ def _closed(archive: NpzArchive, n_strands: int) -> list[bool]:
     if closed.shape not in {(), (n_strands,)}:
         raise StrandError(f"'closed' in {archive.path} has shape {closed.shape}; expected ({n_strands},).")
     if closed.dtype.kind not in "biu" or not np.isin(closed, (0, 1)).all():
-        raise StrandError(
-            f"'closed' in {archive.path} is of dtype {closed.dtype}; expected booleans, or 0 and 1."
-        )
+        raise StrandError(f"'closed' in {archive.path} is of dtype {closed.dtype}; expected booleans, or 0 and 1.")
     return [bool(ring) for ring in np.broadcast_to(closed, (n_strands,))]
 
 
@@ -340,9 +327,7 @@ def _times(values: Any, positions: _Positions) -> Times | None:
         return None
     times = _as_numbers(values, "time", positions.title)
     if times.shape != positions.shape[:1]:
-        raise InputError(
-            f"'time' of {positions.title} has shape {times.shape}; expected {positions.shape[:1]}."
-        )
+        raise InputError(f"'time' of {positions.title} has shape {times.shape}; expected {positions.shape[:1]}.")
     return times
 
 
@@ -369,11 +354,7 @@ def _cell_notes(cells: PointSeries | None) -> list[str]:
     unusable = [index for index, cell in enumerate(cells.reshape(-1, 3, 3)) if not _is_periodic(cell)]
     if not unusable:
         return []
-    which = (
-        "The cell"
-        if cells.ndim == 2
-        else f"The cell of {len(unusable)} frames, the first being {unusable[0]},"
-    )
+    which = "The cell" if cells.ndim == 2 else f"The cell of {len(unusable)} frames, the first being {unusable[0]},"
     return [f"{which} is zero or not finite, and is taken as not periodic."]
 
 

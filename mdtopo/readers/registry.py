@@ -154,8 +154,7 @@ def _as_it_is(opened: Reader, request: ReaderRequest, name: str | None) -> Reade
     refused = [key for key, value in asked.items() if value is not None]
     if refused:
         raise OptionError(
-            f"{type(opened).__name__} is open already and cannot take {refused[0]!r}; "
-            "give it when you open the reader."
+            f"{type(opened).__name__} is open already and cannot take {refused[0]!r}; give it when you open the reader."
         )
     return opened
 

@@ -6,6 +6,10 @@ import numpy as np
 
 from mdtopo.typing import Cell, Indices, Points, PointSeries, Times
 
+LARGEST_COORDINATE = 1e12
+"""Å. A coordinate beyond a tenth of a kilometre is garbage; the bounds of the kernels count on squares of squares that do
+not overflow."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
@@ -29,10 +33,18 @@ class Frame:
     cell: Cell | None = None
 
     @property
-    def is_finite(self) -> bool:
-        """Whether every coordinate and lattice vector is a number."""
-        finite = bool(np.isfinite(self.positions).all())
-        return finite and (self.cell is None or bool(np.isfinite(self.cell).all()))
+    def problem(self) -> str:
+        """Why the frame cannot be used, in words; empty where it can."""
+        bad = np.flatnonzero(~(np.abs(self.positions) <= LARGEST_COORDINATE).all(axis=1))
+        if len(bad):
+            count = "1 vertex has" if len(bad) == 1 else f"{len(bad)} vertices have"
+            value = self.positions[bad[0]].tolist()
+            return f"{count} a coordinate that is not finite or beyond 1e12 Å (the first is vertex {bad[0]}: {value})"
+        if self.cell is None:
+            return ""
+        if not (np.abs(self.cell) <= LARGEST_COORDINATE).all() or not abs(np.linalg.det(self.cell)) > 0.0:
+            return f"its periodic box has no volume, or is not finite: {self.cell.tolist()}"
+        return ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

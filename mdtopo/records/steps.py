@@ -1,7 +1,7 @@
 """What was measured in each step: columns for a block of steps, and one row as an object."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Any
 
@@ -53,16 +53,28 @@ class Reason(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """Name, unit and meaning of one column of the step table; `enum` where its values are codes."""
+    """Name, unit, meaning and layout of one column of the step table; `enum` where its values are codes."""
 
     name: str
     unit: str
     description: str
     enum: type[IntEnum] | None
+    shape: tuple[int, ...]
+    dtype: type[np.generic]
 
 
-def _column(unit: str, description: str, enum: type[IntEnum] | None = None) -> Any:
-    return field(metadata={"unit": unit, "description": description, "enum": enum})
+def _column(
+    unit: str,
+    description: str,
+    enum: type[IntEnum] | None = None,
+    *,
+    shape: tuple[int, ...] = (),
+    dtype: type[np.generic] = np.float64,
+) -> Any:
+    """Return a field whose metadata describe the column: unit, meaning, and the shape and type of one row."""
+    kind = np.int8 if enum is not None else dtype
+    layout = {"unit": unit, "description": description, "enum": enum, "shape": shape, "dtype": kind}
+    return field(metadata=layout)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,21 +136,24 @@ class StepTable:
     broken: tuple[BrokenEdge, ...]
     problems: tuple[str, ...]
 
-    frame_t0: Indices = _column("", "frame index at the step's start")
-    frame_t1: Indices = _column("", "frame index at the step's end")
+    frame_t0: Indices = _column("", "frame index at the step's start", dtype=np.int64)
+    frame_t1: Indices = _column("", "frame index at the step's end", dtype=np.int64)
     time_t0: Times = _column("ps", "time at the step's start")
     time_t1: Times = _column("ps", "time at the step's end")
     displacement_max: Lengths = _column(
         "Å", "greatest displacement of a vertex, the step's common rigid motion removed"
     )
-    displacement_vertex: Indices = _column("", "the vertex that moved most")
+    displacement_vertex: Indices = _column("", "the vertex that moved most", dtype=np.int64)
     rotation_angle: NDArray[np.float64] = _column("degree", "angle of the rigid motion that was removed")
-    translation: Points = _column("Å", "shift of the centroid that was removed, shape (n, 3)")
+    translation: Points = _column("Å", "shift of the centroid that was removed, shape (n, 3)", shape=(3,))
     nu: Lengths = _column(
         "Å", "the paper's PL separation ν at the step's start: least distance of disjoint vertices and edges"
     )
     nu_pair: Indices = _column(
-        "", "the pair that is closest at the start, as [[a, b], [c, d]]; a = b for a vertex, shape (n, 2, 2)"
+        "",
+        "the pair that is closest at the start, as [[a, b], [c, d]]; a = b for a vertex, shape (n, 2, 2)",
+        shape=(2, 2),
+        dtype=np.int64,
     )
     nu_class: Codes = _column("", "class of the pair that is closest at the start", PairClass)
     nu_ratio: Ratios = _column("", "2 x displacement_max over nu: the paper's comparison, limit 1")
@@ -146,14 +161,20 @@ class StepTable:
     pair_ratio: Ratios = _column(
         "", "greatest relative displacement over summed distances of a pair, limit 1 (pairs within reach)"
     )
-    pair_ratio_pair: Indices = _column("", "the pair with the greatest pair_ratio, shape (n, 2, 2)")
+    pair_ratio_pair: Indices = _column(
+        "", "the pair with the greatest pair_ratio, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64
+    )
     clearance: Lengths = _column("Å", "proven lower bound on the distance of any tested pair during the step")
-    clearance_pair: Indices = _column("", "the pair with the least clearance, shape (n, 2, 2)")
+    clearance_pair: Indices = _column(
+        "", "the pair with the least clearance, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64
+    )
     clearance_local: Lengths = _column("Å", "clearance of pairs with one edge between them on their strand")
     clearance_self: Lengths = _column("Å", "clearance of pairs of one strand that are further apart on it")
     clearance_inter: Lengths = _column("Å", "clearance of pairs of different strands")
     bond_stretch: Ratios = _column("", "greatest edge length over its reference length, at the step's end")
-    bond_stretch_edge: Indices = _column("", "the edge that is stretched most, shape (n, 2)")
+    bond_stretch_edge: Indices = _column(
+        "", "the edge that is stretched most, shape (n, 2)", shape=(2,), dtype=np.int64
+    )
     certifiable_interval: Times = _column(
         "ps",
         "frame spacing at which pair_ratio would reach 1 if displacements grew in proportion to it (heuristic)",
@@ -161,10 +182,43 @@ class StepTable:
     verdict: Codes = _column("", "CERTIFIED, CROSSING or UNRESOLVED", Verdict)
     rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)
     reason: Codes = _column("", "why the step is UNRESOLVED", Reason)
-    rung_pairs: Indices = _column("", "candidate pairs settled by each rung; the last is open, shape (n, 9)")
+    rung_pairs: Indices = _column(
+        "", "candidate pairs settled by each rung; the last is open, shape (n, 9)", shape=(len(Rung),), dtype=np.int64
+    )
 
     def __len__(self) -> int:
         return len(self.frame_t0)
+
+    @classmethod
+    def empty(cls) -> "StepTable":
+        """Return a table without rows."""
+        numbers = {c.name: np.empty((0, *c.shape), dtype=c.dtype) for c in cls.columns()}
+        return cls(first_step=0, stretches=Stretches.none(), broken=(), problems=(), **numbers)
+
+    @classmethod
+    def joined(cls, tables: Sequence["StepTable"]) -> "StepTable":
+        """Return tables that follow each other as one; a table without rows where there is none."""
+        if not tables:
+            return cls.empty()
+        return cls(
+            first_step=tables[0].first_step,
+            stretches=Stretches(
+                *(np.concatenate([getattr(t.stretches, f.name) for t in tables]) for f in fields(Stretches))
+            ),
+            broken=tuple(edge for table in tables for edge in table.broken),
+            problems=tuple(problem for table in tables for problem in table.problems),
+            **{c.name: np.concatenate([getattr(t, c.name) for t in tables]) for c in cls.columns()},
+        )
+
+    def moved_to(self, first_step: int) -> "StepTable":
+        """Return the same rows under other step numbers."""
+        shift = first_step - self.first_step
+        return replace(
+            self,
+            first_step=first_step,
+            stretches=replace(self.stretches, step=self.stretches.step + shift),
+            broken=tuple(replace(edge, step=edge.step + shift) for edge in self.broken),
+        )
 
     @classmethod
     def columns(cls) -> Iterator[Column]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mdtopo.errors import AuditError
 from mdtopo.records import Alert, StepTable
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, ROW_SHAPES, Layout, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, Layout, column_dtype
 
 
 class StepColumns:
@@ -24,10 +24,9 @@ class StepColumns:
         self._buffers: dict[str, NDArray[Any]] = {}
         group.attrs["first_step"] = 0
         for column in StepTable.columns():
-            shape = ROW_SHAPES.get(column.name, ())
-            layout = Layout(column_dtype(column), column.description, column.unit, shape)
+            layout = Layout(column_dtype(column), column.description, column.unit, column.shape)
             create_column(group, column.name, layout)
-            self._buffers[column.name] = np.empty((CHUNK_ROWS, *shape), layout.dtype)
+            self._buffers[column.name] = np.empty((CHUNK_ROWS, *column.shape), layout.dtype)
 
     def append(self, table: StepTable) -> bool:
         """Take the rows of a table; True if some of them were written."""
@@ -53,9 +52,7 @@ class StepColumns:
         for name, buffer in self._buffers.items():
             values = getattr(table, name)[done : done + count]
             if values.shape != (count, *buffer.shape[1:]):
-                raise AuditError(
-                    f"The column {name} has shape {values.shape}, not {(count, *buffer.shape[1:])}."
-                )
+                raise AuditError(f"The column {name} has shape {values.shape}, not {(count, *buffer.shape[1:])}.")
             np.copyto(buffer[self._held : self._held + count], values, casting="same_kind")
         self._held += count
         self.n_rows += count
@@ -130,9 +127,7 @@ def extend(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
         dataset[start:] = values
 
 
-def write_columns(
-    group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]
-) -> None:
+def write_columns(group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]) -> None:
     """Make and fill one dataset for each layout."""
     for name, layout in layouts.items():
         column = np.asarray(values[name], layout.dtype).reshape(-1, *layout.row_shape)

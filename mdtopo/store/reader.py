@@ -112,9 +112,7 @@ def _check_schema(path: Path, file: h5py.File) -> None:
     if not isinstance(found, np.integer) or not {"config", "provenance", "complete"} <= set(file.attrs):
         raise InputError(f"{path} is an HDF5 file, but not a results file of mdtopo.")
     if found > SCHEMA:
-        raise InputError(
-            f"{path} has schema {found}, and this mdtopo reads up to {SCHEMA}; use a newer mdtopo."
-        )
+        raise InputError(f"{path} has schema {found}, and this mdtopo reads up to {SCHEMA}; use a newer mdtopo.")
 
 
 def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> Results:
@@ -169,8 +167,7 @@ def _alert(row: dict[str, Any]) -> Alert:
 
 def _strands(group: h5py.Group) -> Strands:
     texts = {
-        name: np.array(_texts(group[f"vertex_{name}"]), dtype=np.str_)
-        for name in ("chain", "icode", "resname", "name")
+        name: np.array(_texts(group[f"vertex_{name}"]), dtype=np.str_) for name in ("chain", "icode", "resname", "name")
     }
     labels = VertexLabels(
         chain=texts["chain"],

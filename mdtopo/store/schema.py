@@ -13,13 +13,12 @@ Attributes of the file: ``schema`` (this number), ``config``, ``provenance``, ``
 """
 
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any
 
 import h5py
 import numpy as np
 
-from mdtopo.records import Column, StepTable
-from mdtopo.typing import Indices
+from mdtopo.records import Column
 
 SCHEMA = 1
 """Rises when a program that reads the file would have to change."""
@@ -30,16 +29,6 @@ CHUNK_ROWS = 4096
 TEXT = h5py.string_dtype("utf-8")
 """Text of any length."""
 
-ROW_SHAPES: dict[str, tuple[int, ...]] = {
-    "translation": (3,),
-    "nu_pair": (2, 2),
-    "pair_ratio_pair": (2, 2),
-    "clearance_pair": (2, 2),
-    "bond_stretch_edge": (2,),
-    "rung_pairs": (9,),
-}
-"""Shape of one row of the step columns that are not scalars."""
-
 
 def column_dtype(column: Column) -> np.dtype[Any]:
     """Return the dtype of a step column: an HDF5 enum on int8, int64 for indices, float64 for the rest."""
@@ -47,7 +36,7 @@ def column_dtype(column: Column) -> np.dtype[Any]:
         codes = {member.name: member.value for member in column.enum}
         dtype: np.dtype[Any] = h5py.enum_dtype(codes, basetype="i1")
         return dtype
-    return np.dtype(np.int64 if get_type_hints(StepTable)[column.name] == Indices else np.float64)
+    return np.dtype(column.dtype)
 
 
 @dataclass(frozen=True, slots=True)

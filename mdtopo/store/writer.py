@@ -218,8 +218,7 @@ class ResultsWriter:
     def _publish(self) -> None:
         if self._path.exists() and not self._overwrite:
             raise OutputError(
-                f"{self._path} appeared while this run was going on and is kept; "
-                f"the results are in {self._partial}."
+                f"{self._path} appeared while this run was going on and is kept; the results are in {self._partial}."
             )
         try:
             self._partial.replace(self._path)

@@ -40,7 +40,7 @@ from mdtopo.store import (
     read_results,
     writer,
 )
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, ROW_SHAPES, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, column_dtype
 
 ROOT = Path(__file__).parents[2]
 CONFIG = MonitorConfig(motion="lab", near_limit=0.7)
@@ -85,7 +85,7 @@ def step_table(n_steps, *, first_step=0, broken=(), seed=0):
     random = np.random.default_rng(seed)
     values_of = {}
     for column in StepTable.columns():
-        shape = (n_steps, *ROW_SHAPES.get(column.name, ()))
+        shape = (n_steps, *column.shape)
         if column.enum is not None:
             values = random.choice([int(member) for member in column.enum], size=shape).astype(np.int8)
         elif column_dtype(column) == np.int64:

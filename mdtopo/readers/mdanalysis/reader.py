@@ -129,6 +129,11 @@ class MDAnalysisReader(Reader):
             for index in range(self.n_frames)[start:stop:step]:
                 yield read_frame(self._opened, index, self._indices)
 
+    def current_frame(self) -> Frame:
+        """Return the frame at which the trajectory stands, for those who iterate over it themselves."""
+        trajectory = self._opened.universe.trajectory
+        return _frame(trajectory.ts, trajectory, self._indices)
+
     def close(self) -> None:
         """Close the files; those of a Universe that was passed stay open."""
         if not self._is_closed:
@@ -200,15 +205,18 @@ def read_frame(opened: Opened, index: int, indices: Indices) -> Frame:
         )
     try:
         with mdanalysis_call(opened.title):
-            step = trajectory[index]
-            positions = step.positions[indices].astype(np.float64)
-            cell, time = _cell(step.dimensions), _time(step, trajectory)
+            return _frame(trajectory[index], trajectory, indices)
     except Exception as error:
         raise TrajectoryError(
             f"Frame {index} of {opened.title} cannot be read: {one_line(error).rstrip('.')}. "
             f"The file is damaged or cut off; read the frames before it with the frame range :{index}."
         ) from error
-    return Frame(index, time, np.ascontiguousarray(positions), cell)
+
+
+def _frame(step: Any, trajectory: Any, indices: Indices) -> Frame:
+    """Return the given atoms of a timestep; the copy is ours, whatever the next frame overwrites."""
+    positions = np.ascontiguousarray(step.positions[indices].astype(np.float64))
+    return Frame(int(step.frame), _time(step, trajectory), positions, _cell(step.dimensions))
 
 
 def _time(step: Any, trajectory: Any) -> float:

@@ -155,7 +155,7 @@ def test_values_that_are_not_finite_are_passed_on(tmp_path):
     holed = POSITIONS.copy()
     holed[1, 2, 0] = np.nan
     with open_stored(tmp_path, positions=holed) as reader:
-        assert [frame.is_finite for frame in reader.frames(0, 3)] == [True, False, True]
+        assert [not frame.problem for frame in reader.frames(0, 3)] == [True, False, True]
 
 
 @pytest.mark.parametrize("changes", [{"positions": None}, {"offsets": None}, {"closed": None}])

@@ -321,7 +321,7 @@ class TestRealEngines:
                 assert strands.labels.atom_index.tolist() == [*range(sum(lengths))]
             *_, last = reader.frames(n_frames - 2 if n_frames > 1 else 0)
             assert last.index == n_frames - 1
-            assert last.is_finite
+            assert not last.problem
         assert [record.message for record in caplog.records] == []
 
     def test_rungs_of_the_duplex_are_counted(self, shared_data):

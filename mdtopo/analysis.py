@@ -1,0 +1,176 @@
+"""The MDAnalysis way: mdtopo as an ``AnalysisBase``, on all of its backends.
+
+Frames are split among workers in contiguous groups. Each worker measures the steps within its group; the steps at the
+seams, which belong to no group, are measured in the end from two frames that are read again. A bond that breaks changes
+what later groups should have measured; from the first group that this concerns on, frames are then measured again in
+order. So every backend gives the same bits.
+"""
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from MDAnalysis.analysis.base import AnalysisBase
+from MDAnalysis.analysis.results import Results, ResultsGroup
+
+from mdtopo.alerts import AlertStream
+from mdtopo.bonds import reference_lengths
+from mdtopo.measure import Setting, measure_block, reference_samples
+from mdtopo.pipeline import Tally, block_of, open_input, refuse_winding
+from mdtopo.records import Frame, MonitorConfig, StepTable
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameGroup:
+    """What one worker measured.
+
+    Attributes
+    ----------
+    frames : tuple of int
+        Its frames, in order.
+    tables : tuple of StepTable
+        The steps between them, numbered from 0.
+    setting : Setting
+        The setting after the last frame.
+    """
+
+    frames: tuple[int, ...]
+    tables: tuple[StepTable, ...]
+    setting: Setting
+
+
+class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no py.typed
+    """Measures every step between consecutive analysed frames of an AtomGroup or Universe.
+
+    Parameters
+    ----------
+    atomgroup : MDAnalysis AtomGroup or Universe
+        The backbone atoms; of a Universe, or a group of all atoms, the default trace is taken.
+    select : str, optional
+        Which atoms of it are the backbone.
+    config : MonitorConfig, optional
+        Every other knob.
+    verbose : bool
+        Whether MDAnalysis shows its progress bar.
+
+    Attributes
+    ----------
+    results : MDAnalysis Results
+        After `run`: every column of `mdtopo.records.StepTable` by its name (``results.clearance``, ``results.verdict``,
+        …), ``steps`` (the whole `StepTable`), ``alerts`` (a list of `Alert`), ``summary`` (a `RunSummary`).
+
+    Raises
+    ------
+    InputError
+        If the atoms do not form strands.
+
+    Guarantee
+    ---------
+    Proven: see `mdtopo.measure.measure_block`. The numbers are those of `mdtopo.monitor`, bit for bit, on every backend.
+
+    Examples
+    --------
+    >>> run = IsotopyAnalysis(universe, select="name CA").run(backend="dask", n_workers=2)  # doctest: +SKIP
+    >>> run.results.clearance.min()  # doctest: +SKIP
+    """
+
+    _analysis_algorithm_is_parallelizable: ClassVar[bool] = True
+
+    @classmethod
+    def get_supported_backends(cls) -> tuple[str, ...]:
+        """Return the names of the backends that `run` takes."""
+        return ("serial", "multiprocessing", "dask")
+
+    def __init__(
+        self, atomgroup: Any, *, select: str | None = None, config: MonitorConfig | None = None, verbose: bool = False
+    ) -> None:
+        super().__init__(atomgroup.universe.trajectory, verbose=verbose)
+        self._config = config or MonitorConfig()
+        self._reader = open_input(atomgroup, select=select)
+        first = list(self._reader.frames(0, self._config.reference_frames))
+        refuse_winding(first[0], self._reader.strands)
+        self._periodic = first[0].cell is not None
+        reference = reference_lengths(reference_samples(first, self._reader.strands))
+        self._start = Setting.start(self._reader.strands, self._config, reference)
+
+    def _compute(self, *args: Any, **kwargs: Any) -> Any:
+        """Measure one group of frames on a copy of its own.
+
+        A pool of processes sends several groups to one worker as the *same* object, and would get the last group's
+        results back for all of them.
+        """
+        worker = copy(self)
+        worker.results = Results()
+        return super(IsotopyAnalysis, worker)._compute(*args, **kwargs)
+
+    def _prepare(self) -> None:
+        """Start a group of frames: called once by each worker."""
+        self.results.groups = []
+        self._setting = self._start
+        self._pending: list[Frame] = []
+        self._tables: list[StepTable] = []
+        self._seen: list[int] = []
+
+    def _single_frame(self) -> None:
+        frame = self._reader.current_frame()
+        self._pending.append(frame)
+        self._seen.append(frame.index)
+        is_last = self._frame_index == self.n_frames - 1
+        if is_last or len(self._pending) > self._config.block_steps:
+            self._measure_pending()
+        if is_last:
+            self.results.groups = [FrameGroup(tuple(self._seen), tuple(self._tables), self._setting)]
+
+    def _measure_pending(self) -> None:
+        """Measure the steps between the frames that wait, and keep the last one for the next block."""
+        first_step = sum(len(table) for table in self._tables)
+        block = block_of(self._pending, first_step, periodic=self._periodic)
+        table, self._setting = measure_block(block, self._setting)
+        self._tables.append(table)
+        self._pending = self._pending[-1:]
+
+    def _get_aggregator(self) -> ResultsGroup:
+        return ResultsGroup(lookup={"groups": ResultsGroup.flatten_sequence})
+
+    def _conclude(self) -> None:
+        groups: Sequence[FrameGroup] = self.results.pop("groups", [])
+        tables = list(self._in_order(groups))
+        steps = StepTable.joined(tables)
+        stream, tally = AlertStream(self._reader.strands, self._config), Tally(self._config)
+        alerts = [*stream.opening(), *stream.after(steps), *stream.finish()]
+        tally.add(steps)
+        tally.alerts.update(alert.severity for alert in alerts)
+        self.results.steps, self.results.alerts = steps, alerts
+        self.results.summary = tally.summary(None, "")
+        for column in StepTable.columns():
+            self.results[column.name] = getattr(steps, column.name)
+
+    def _in_order(self, groups: Sequence[FrameGroup]) -> Iterator[StepTable]:
+        """Yield the tables of all groups with the steps at the seams, numbered through."""
+        setting, first_step, last_frame = self._start, 0, -1
+        for position, group in enumerate(groups):
+            if position > 0:
+                table, setting = self._measured_again((last_frame, group.frames[0]), first_step, setting)
+                first_step += len(table)
+                yield table
+            if setting.bonds.is_intact:  # what the worker assumed when it started
+                tables, setting = group.tables, group.setting
+            else:
+                table, setting = self._measured_again(group.frames, first_step, setting)
+                tables = (table,)
+            for table in tables:
+                yield table.moved_to(first_step)
+                first_step += len(table)
+            last_frame = group.frames[-1]
+
+    def _measured_again(self, frames: Sequence[int], first_step: int, setting: Setting) -> tuple[StepTable, Setting]:
+        """Read frames again and measure the steps between them."""
+        tables, count = [], self._config.block_steps
+        for start in range(0, max(len(frames) - 1, 1), count):
+            chosen = frames[start : start + count + 1]
+            read = [next(self._reader.frames(index, index + 1)) for index in chosen]
+            block = block_of(read, first_step + start, periodic=self._periodic)
+            table, setting = measure_block(block, setting)
+            tables.append(table)
+        return StepTable.joined(tables), setting
