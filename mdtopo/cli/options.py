@@ -129,6 +129,8 @@ INPUT_OPTIONS = (
     ),
 )
 
+VERBOSE = Option("verbose", Kind.FLAG, False, "print more notes, and a traceback with every error", "output", short="v")
+
 OUTPUT_OPTIONS = (
     Option(
         "out",
@@ -159,7 +161,7 @@ OUTPUT_OPTIONS = (
         choices=(NEVER, "info", "warning", "critical"),
     ),
     Option("quiet", Kind.FLAG, False, "print no progress, no notes and no summary", "output", short="q"),
-    Option("verbose", Kind.FLAG, False, "print more notes, and a traceback with every error", "output", short="v"),
+    VERBOSE,
 )
 
 

@@ -1,0 +1,298 @@
+"""What ``mdtopo doctor`` finds out: how an input is understood, and whether its frames are saved often enough."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from mdtopo.bonds import reference_lengths
+from mdtopo.errors import InputError, TrajectoryError
+from mdtopo.kernelcache import announce_compilation
+from mdtopo.measure import Setting, measure_block, reference_samples
+from mdtopo.pipeline import block_of, refuse_winding
+from mdtopo.readers import Reader, installed_readers
+from mdtopo.records import Frame, MonitorConfig, Reason, ReferenceLengths, Rung, StepTable, Strands, Verdict
+from mdtopo.typing import Cell
+
+SAMPLE_STEPS = 50
+"""Steps that are measured: enough for a median, few enough to answer at once."""
+
+COMFORT = 0.8
+"""Pair ratio below which the save interval is called good: the default of ``--near-limit``."""
+
+
+@dataclass(frozen=True, slots=True)
+class StrandGroup:
+    """Neighbouring strands that are alike: names and labels of the first and the last."""
+
+    count: int
+    n_vertices: int
+    is_closed: bool
+    names: tuple[str, str]
+    labels: tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class GapNote:
+    """Where a strand was cut, and why."""
+
+    place: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A periodic box: lengths in Å, angles in degrees."""
+
+    lengths: tuple[float, float, float]
+    angles: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, cell: Cell) -> "Box":
+        """Return lengths and angles of lattice vectors, given as rows."""
+        lengths = np.linalg.norm(cell, axis=1)
+        pairs = ((1, 2), (0, 2), (0, 1))
+        cosines = [float(cell[i] @ cell[j] / (lengths[i] * lengths[j])) for i, j in pairs]
+        angles = [math.degrees(math.acos(max(-1.0, min(1.0, c)))) for c in cosines]
+        return cls((float(lengths[0]), float(lengths[1]), float(lengths[2])), (angles[0], angles[1], angles[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What the first steps measure.
+
+    Attributes
+    ----------
+    steps : int
+        How many steps.
+    rungs : mapping of str to int
+        Number of proved steps by the costliest rung that they needed.
+    unresolved, bad_data : int
+        Steps that are not decided, and those of them whose data are unusable.
+    nu_ratio, pair_ratio : tuple of float
+        Median and greatest value; NaN where nothing was measured.
+    least_interval : float
+        Least save interval that would have been certified, ps; NaN without times.
+    """
+
+    steps: int
+    rungs: dict[str, int]
+    unresolved: int
+    bad_data: int
+    nu_ratio: tuple[float, float]
+    pair_ratio: tuple[float, float]
+    least_interval: float
+
+    @classmethod
+    def of(cls, table: StepTable) -> "Sample":
+        """Return the sample of a table."""
+        certified = table.verdict == Verdict.CERTIFIED
+        rungs = {rung.name: int((certified & (table.rung == rung)).sum()) for rung in Rung if rung is not Rung.OPEN}
+        return cls(
+            len(table),
+            rungs,
+            int((~certified).sum()),
+            int((table.reason == Reason.BAD_DATA).sum()),
+            _median_and_greatest(table.nu_ratio),
+            _median_and_greatest(table.pair_ratio),
+            _least(table.certifiable_interval),
+        )
+
+
+def _median_and_greatest(values: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> tuple[float, float]:
+    known = values[np.isfinite(values)]
+    return (float(np.median(known)), float(known.max())) if len(known) else (math.nan, math.nan)
+
+
+def _least(values: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> float:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if len(known) else math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """How an input is understood.
+
+    Attributes
+    ----------
+    inputs : str
+        The files.
+    reader : str
+        The reader that opened them.
+    n_vertices : int
+        Vertices of all strands.
+    strands, gaps, notes
+        What was understood, and what a user should know of it.
+    n_frames : int or None
+        Frames in the file; None for a stream.
+    time_first, time_last, spacing_least, spacing_greatest : float
+        Time in ps of the first and the last frame, and between analysed frames of the sample; NaN where unknown.
+    box : Box or None
+        Of the first frame; None where there is none.
+    coordinate_error : float
+        η, Å.
+    edge_median, edge_spread, edge_frames : float, float, int
+        Lengths of all edges in the first frames, Å, and how many frames these are.
+    sample : Sample or None
+        What the first steps measure; None where there is no step.
+    advice : str
+        Whether the frames are saved often enough, in one sentence.
+    problems : tuple of str
+        What ``mdtopo monitor`` would stop at.
+    """
+
+    inputs: str
+    reader: str
+    n_vertices: int
+    strands: tuple[StrandGroup, ...]
+    gaps: tuple[GapNote, ...]
+    notes: tuple[str, ...]
+    n_frames: int | None
+    coordinate_error: float
+    time_first: float = math.nan
+    time_last: float = math.nan
+    spacing_least: float = math.nan
+    spacing_greatest: float = math.nan
+    box: Box | None = None
+    edge_median: float = math.nan
+    edge_spread: float = math.nan
+    edge_frames: int = 0
+    sample: Sample | None = None
+    advice: str = ""
+    problems: tuple[str, ...] = ()
+
+
+def diagnose(reader: Reader, inputs: str, frames: slice, config: MonitorConfig) -> Diagnosis:
+    """Return how an open input is understood, and what its first steps measure.
+
+    What would stop a run is no error here: it is in `problems`, after everything that could still be found out.
+    """
+    strands = reader.strands
+    found = Diagnosis(
+        inputs=inputs,
+        reader=_name(reader),
+        n_vertices=strands.n_vertices,
+        strands=tuple(strand_groups(strands)),
+        gaps=tuple(GapNote(strands.describe_edge(gap.vertices), gap.reason) for gap in strands.gaps),
+        notes=tuple(reader.notes),
+        n_frames=reader.n_frames,
+        coordinate_error=reader.coordinate_error,
+    )
+    first, sample, problems = _first_frames(reader, frames, config.reference_frames)
+    if first:
+        found = _with_frames(found, reader, first, sample)
+        found, more = _with_steps(found, strands, first, sample, config)
+        problems += more
+    time_last, more = _last_time(reader)
+    problems += [text for text in more if text not in problems]
+    return replace(found, time_last=time_last, advice=advice(found.sample), problems=tuple(problems))
+
+
+def _name(reader: Reader) -> str:
+    """Return what the reader is called on the command line."""
+    names = (name for name, kind in installed_readers().readers.items() if type(reader) is kind)
+    return next(names, type(reader).__name__)
+
+
+def _first_frames(reader: Reader, frames: slice, n_reference: int) -> tuple[list[Frame], list[Frame], list[str]]:
+    """Return the trajectory's first frames, the first analysed frames, and what could not be read."""
+    sample, problems = _read(reader, frames, SAMPLE_STEPS + 1)
+    from_start = frames.start in (None, 0) and frames.step in (None, 1)
+    if reader.n_frames is None or (from_start and len(sample) >= min(n_reference, reader.n_frames)):
+        return sample[:n_reference], sample, problems
+    first, more = _read(reader, slice(0, n_reference), n_reference)
+    return first, sample, problems + [text for text in more if text not in problems]
+
+
+def _read(reader: Reader, frames: slice, count: int) -> tuple[list[Frame], list[str]]:
+    taken: list[Frame] = []
+    try:
+        taken.extend(islice(reader.frames(frames.start, frames.stop, frames.step), count))
+    except TrajectoryError as error:
+        return taken, [str(error)]
+    return taken, []
+
+
+def _with_frames(found: Diagnosis, reader: Reader, first: list[Frame], sample: list[Frame]) -> Diagnosis:
+    reference = reference_lengths(reference_samples(first, reader.strands))
+    spacings = np.diff([frame.time for frame in sample]) if len(sample) > 1 else np.array([math.nan])
+    return replace(
+        found,
+        time_first=first[0].time,
+        spacing_least=float(spacings.min()),
+        spacing_greatest=float(spacings.max()),
+        box=None if first[0].cell is None else Box.of(first[0].cell),
+        edge_median=reference.median,
+        edge_spread=reference.spread,
+        edge_frames=reference.n_frames,
+    )
+
+
+def _with_steps(
+    found: Diagnosis, strands: Strands, first: list[Frame], sample: list[Frame], config: MonitorConfig
+) -> tuple[Diagnosis, list[str]]:
+    try:
+        refuse_winding(first[0], strands)
+    except InputError as error:
+        return found, [str(error)]
+    if len(sample) < 2:
+        return found, []
+    reference: ReferenceLengths = reference_lengths(reference_samples(first, strands))
+    announce_compilation()
+    block = block_of(sample, 0, periodic=first[0].cell is not None)
+    table, _ = measure_block(block, Setting.start(strands, config, reference))
+    return replace(found, sample=Sample.of(table)), []
+
+
+def _last_time(reader: Reader) -> tuple[float, list[str]]:
+    """Return the time of the last frame; reading it shows whether the file is whole."""
+    if not reader.n_frames:
+        return math.nan, []
+    taken, problems = _read(reader, slice(reader.n_frames - 1, reader.n_frames), 1)
+    return (taken[0].time if taken else math.nan), problems
+
+
+def strand_groups(strands: Strands) -> Iterator[StrandGroup]:
+    """Yield the strands, neighbours of equal length and kind together."""
+    lengths = np.diff(strands.offsets)
+    start = 0
+    for s in range(strands.n_strands):
+        alike = s + 1 < strands.n_strands and (lengths[s + 1], strands.closed[s + 1]) == (lengths[s], strands.closed[s])
+        if alike:
+            continue
+        labels = (
+            strands.labels.text(int(strands.offsets[start])),
+            strands.labels.text(int(strands.offsets[s + 1]) - 1),
+        )
+        names = (strands.names[start], strands.names[s])
+        yield StrandGroup(s + 1 - start, int(lengths[s]), bool(strands.closed[s]), names, labels)
+        start = s + 1
+
+
+def advice(sample: Sample | None) -> str:
+    """Return in one sentence whether the frames are saved often enough, judged by the first steps (heuristic)."""
+    if sample is None:
+        return "There is no step to judge by: a step needs two frames."
+    ratio = sample.pair_ratio[1]
+    if math.isnan(ratio):
+        return "No step could be measured, so nothing can be said about the save interval."
+    undecided = sample.unresolved - sample.bad_data
+    if undecided:
+        return (
+            "Strands pass through each other, or the frames are too far apart to tell: "
+            f"{undecided} of {sample.steps} steps are not proved; {_closer(sample)}."
+        )
+    if ratio >= COMFORT:
+        return f"The save interval is just short enough: the greatest pair ratio is {ratio:.2f}; {_closer(sample)}."
+    spare = math.floor(COMFORT / ratio) if ratio > 0.0 else 0
+    more = f"; about {spare} times as long would still do" if spare >= 2 else ""
+    return f"The save interval is good: every step that could be measured is proved{more}."
+
+
+def _closer(sample: Sample) -> str:
+    times = max(2, math.ceil(sample.pair_ratio[1] / COMFORT))
+    known = math.isfinite(sample.least_interval)
+    every = f", that is every {COMFORT * sample.least_interval:.2g} ps" if known else ""
+    return f"save about {times} times as often{every}"
