@@ -353,6 +353,8 @@ def monitor(
             writer = stack.enter_context(
                 ResultsWriter.create(Path(out), opened.strands, config, origin, overwrite=overwrite)
             )
+        for note in opened.notes:
+            log.info("%s", note)
         job = _Job(opened, frames, config, alert_file, writer, on_alert, on_progress)
         return job.run(Path(out) if out is not None else None)
 
