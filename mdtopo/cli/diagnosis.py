@@ -10,8 +10,9 @@ import numpy as np
 from mdtopo.bonds import reference_lengths
 from mdtopo.errors import InputError, TrajectoryError
 from mdtopo.kernelcache import announce_compilation
-from mdtopo.measure import Setting, measure_block, reference_samples
+from mdtopo.measure import measure_block
 from mdtopo.pipeline import block_of, refuse_winding
+from mdtopo.planning import Setting, reference_samples
 from mdtopo.readers import Reader, installed_readers
 from mdtopo.records import Frame, MonitorConfig, Reason, ReferenceLengths, Rung, StepTable, Strands, Verdict
 from mdtopo.typing import Cell

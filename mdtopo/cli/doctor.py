@@ -42,7 +42,10 @@ say of the save interval. Exit code 4 when 'mdtopo monitor' would stop.
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = commands.add_parser(
-        "doctor", help="show how an input is understood, before a long run", description=DESCRIPTION
+        "doctor",
+        help="show how an input is understood, before a long run",
+        description=DESCRIPTION,
+        usage="mdtopo doctor [options] TOPOLOGY [TRAJECTORY ...]",
     )
     add_inputs(parser)
     add_config(parser)
@@ -121,8 +124,10 @@ def _trajectory_rows(found: "Diagnosis") -> Iterator[tuple[str, str]]:
     yield "frames", "not known, a stream" if found.n_frames is None else str(found.n_frames)
     yield "time", _time(found)
     yield "box", _box(found.box)
-    error = f"at most {found.coordinate_error:.2g} Å off" if found.coordinate_error > 0.0 else "nothing known"
-    yield "coordinates", f"{error}, as the file stores them (coordinate error η)"
+    rounding = (
+        f"by at most {found.coordinate_error:.2g} Å" if found.coordinate_error > 0.0 else "in no way that is known"
+    )
+    yield "rounding", f"the file rounds positions {rounding} (coordinate error η)"
     if found.edge_frames:
         frames = "first frame" if found.edge_frames == 1 else f"first {found.edge_frames} frames"
         yield (
@@ -165,7 +170,10 @@ def _sample_lines(sample: "Sample | None") -> Iterator[str]:
     rows += [(f"  {_share(sample.bad_data, sample)}", "not measured: unusable data")] if sample.bad_data else []
     yield from aligned(rows)
     yield "  how near the limit of 1:"
-    ratios = [("the paper's scalar ratio 2m/ν", sample.nu_ratio), ("the sharp ratio of a pair", sample.pair_ratio)]
+    ratios = [
+        ("2 x greatest displacement / least distance (2m/ν)", sample.nu_ratio),
+        ("relative motion / distances of the worst pair (pair ratio)", sample.pair_ratio),
+    ]
     yield from aligned([(f"  {name}", f"median {m:.3g}, greatest {g:.3g}") for name, (m, g) in ratios])
 
 

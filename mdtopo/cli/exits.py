@@ -56,6 +56,9 @@ def exit_code(error: BaseException, *, show_traceback: bool) -> Exit:
     if isinstance(error, InputError | OutputError):
         say(str(error))
         return Exit.BAD_INPUT
+    if "no locator available" in str(error):  # numba's words, when it is imported
+        say("numba finds no directory where it may keep compiled kernels; set NUMBA_CACHE_DIR to one.")
+        return Exit.BAD_INPUT
     say(
         f"internal error: {type(error).__name__}: {error}\n"
         "mdtopo: this is a fault of mdtopo, not of your input. Please report it with the command and its output when "

@@ -37,6 +37,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "monitor",
         help="watch every step of a trajectory: the main job",
+        usage="mdtopo monitor [options] TOPOLOGY [TRAJECTORY ...]",
         description=DESCRIPTION,
         epilog=EXAMPLE + EXIT_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -53,7 +54,11 @@ def add_inputs(parser: argparse.ArgumentParser) -> None:
         "topology", metavar="TOPOLOGY", help="file that names the atoms: PDB, PSF, TPR, GRO, LAMMPS data, npz, ..."
     )
     parser.add_argument(
-        "trajectory", metavar="TRAJECTORY", nargs="*", help="trajectory file, or its parts in order: XTC, DCD, TRR, ..."
+        "trajectory",
+        metavar="TRAJECTORY",
+        nargs="*",
+        default=[],  # else argparse calls it required
+        help="trajectory file, or its parts in order: XTC, DCD, TRR, ...",
     )
 
 

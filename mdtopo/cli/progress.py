@@ -69,11 +69,9 @@ class ProgressDisplay:
             self._width = 0
 
     def _rate(self, now: float, steps: int) -> float:
-        """Return steps per second since the first block, or on the whole while there is only one."""
+        """Return steps per second since the first block; 0 while there is only one."""
         since, done = self._first or (now, 0)
-        if now > since and steps > done:
-            return (steps - done) / (now - since)
-        return steps / max(now - self._start, 1e-9)
+        return (steps - done) / (now - since) if now > since else 0.0
 
     def _draw(self, text: str, progress: "Progress") -> None:
         columns = shutil.get_terminal_size().columns - 1
@@ -89,14 +87,13 @@ class ProgressDisplay:
 
 def progress_text(progress: "Progress", rate: float, elapsed: float) -> str:
     """Return how far a run has come in one line, such as ``128/500 steps (26 %), 42 per s, 0:09 left, 2 alerts``."""
+    speed = f"{rate:.3g} per s, " if rate > 0.0 else ""
     alerts = "1 alert" if progress.alerts == 1 else f"{progress.alerts} alerts"
     if progress.total is None:
-        return f"{progress.steps} steps, {rate:.3g} per s, {_clock_text(elapsed)} so far, {alerts}"
-    left = (progress.total - progress.steps) / rate if rate > 0.0 else 0.0
+        return f"{progress.steps} steps, {speed}{_clock_text(elapsed)} so far, {alerts}"
+    left = f"{_clock_text((progress.total - progress.steps) / rate)} left, " if rate > 0.0 else ""
     share = 100.0 * progress.steps / max(progress.total, 1)
-    return (
-        f"{progress.steps}/{progress.total} steps ({share:.0f} %), {rate:.3g} per s, {_clock_text(left)} left, {alerts}"
-    )
+    return f"{progress.steps}/{progress.total} steps ({share:.0f} %), {speed}{left}{alerts}"
 
 
 def _clock_text(seconds: float) -> str:
