@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mdtopo.analysis import IsotopyAnalysis
     from mdtopo.errors import InputError, MdtopoError, OutputError
-    from mdtopo.measure import nu, polyline_step
     from mdtopo.pipeline import monitor, steps
+    from mdtopo.polyline import nu, polyline_step
     from mdtopo.records import (
         Alert,
         AlertKind,
@@ -48,8 +48,8 @@ _HOMES = {
     "Strands": "records",
     "Verdict": "records",
     "monitor": "pipeline",
-    "nu": "measure",
-    "polyline_step": "measure",
+    "nu": "polyline",
+    "polyline_step": "polyline",
     "read_results": "store",
     "steps": "pipeline",
 }

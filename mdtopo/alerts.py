@@ -1,11 +1,11 @@
 """From step tables to the alert stream: what is near a limit, undecided, stretched or broken, as events.
 
-Neighbouring steps with the same finding are one event, with start, peak and end. An event is said when it has ended, that
-is once more than `merge_steps` quiet steps have passed; so the order and the ids of the alerts depend on the run alone,
-not on how its frames were cut into blocks.
+Neighbouring steps with the same finding are one event, with start, peak and end. An event is said when it has ended,
+that is once more than `merge_steps` quiet steps have passed; so the order and the ids of the alerts depend on the run
+alone, not on how its frames were cut into blocks.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,7 @@ from mdtopo.records import (
     Strands,
     Verdict,
 )
-from mdtopo.typing import Flags, Ratios
+from mdtopo.typing import Flags, Indices, Ratios
 
 SEVERITY = {
     AlertKind.NEAR_LIMIT: Severity.WARNING,
@@ -227,7 +227,7 @@ class AlertStream:
         row: int,
         kind: AlertKind,
         key: str,
-        vertices: "np.ndarray | list[int] | tuple[int, ...]",  # type: ignore[type-arg]
+        vertices: Iterable[int],
         badness: float,
         value: float | None,
         limit: float | None,
@@ -246,7 +246,7 @@ class AlertStream:
             detail,
         )
 
-    def _pair_in_words(self, pair: "np.ndarray") -> str:  # type: ignore[type-arg]
+    def _pair_in_words(self, pair: Indices) -> str:
         if (pair < 0).any():
             return "no pair in reach"
         first, second = (

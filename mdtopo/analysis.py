@@ -16,8 +16,11 @@ from MDAnalysis.analysis.results import Results, ResultsGroup
 
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
-from mdtopo.measure import Setting, measure_block, reference_samples
-from mdtopo.pipeline import Tally, block_of, open_input, refuse_winding
+from mdtopo.measure import measure_block
+from mdtopo.pipeline import Tally, block_of, refuse_winding
+from mdtopo.planning import Setting, reference_samples
+from mdtopo.readers import ReaderRequest, Source
+from mdtopo.readers.mdanalysis import MDAnalysisReader
 from mdtopo.records import Frame, MonitorConfig, StepTable
 
 
@@ -67,7 +70,7 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
 
     Guarantee
     ---------
-    Proven: see `mdtopo.measure.measure_block`. The numbers are those of `mdtopo.monitor`, bit for bit, on every backend.
+    Proven: see `mdtopo.measure.measure_plan`. On every backend the numbers are those of `mdtopo.monitor`, bit for bit.
 
     Examples
     --------
@@ -87,7 +90,7 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
     ) -> None:
         super().__init__(atomgroup.universe.trajectory, verbose=verbose)
         self._config = config or MonitorConfig()
-        self._reader = open_input(atomgroup, select=select)
+        self._reader = MDAnalysisReader.open(Source(object=atomgroup), ReaderRequest(select=select))
         first = list(self._reader.frames(0, self._config.reference_frames))
         refuse_winding(first[0], self._reader.strands)
         self._periodic = first[0].cell is not None

@@ -1,10 +1,10 @@
 """Edges against their own reference length: which are stretched, and which have broken.
 
-Limits are chosen so that thermal motion never meets them and a break always does. An edge is *stretched* when it is 1.2
-times its reference length and also ten standard deviations beyond the lengths that the run's edges had at its start. The
-first number alone would fire on soft springs, which double their length at equilibrium; the second alone would fire on
-stiff ones, for which ten deviations are a few per cent. A *fracture* (1.5 times, fifteen deviations) must last for
-several frames, because one frame may be damaged.
+Limits are chosen so that thermal motion never meets them and a break always does. An edge is *stretched* when it is
+1.2 times its reference length and also ten standard deviations beyond the lengths that the run's edges had at its
+start. The first number alone would fire on soft springs, which double their length at equilibrium; the second alone
+would fire on stiff ones, for which ten deviations are a few per cent. A *fracture* (1.5 times, fifteen deviations)
+must last for several frames, because one frame may be damaged.
 """
 
 from dataclasses import dataclass

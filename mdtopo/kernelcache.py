@@ -8,7 +8,7 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from mdtopo.measure import measure_steps
+from mdtopo.blocks import measure_steps
 
 log = logging.getLogger("mdtopo")
 

@@ -56,8 +56,8 @@ WIDEST_REACH = 4.0
 """The search for a class without any pair in reach stops at this multiple of the mean edge length."""
 
 BOUND_ERROR = 1e-12
-"""Rounding of the cheap bounds, as a multiple of the lengths that enter them. The normal of two lines is wrong by at most
-a few u·|e||f|, which `NEARLY_PARALLEL` keeps below 1e-12 of its own length."""
+"""Rounding of the cheap bounds, as a multiple of the lengths that enter them. The normal of two lines is wrong by at
+most a few u·|e||f|, which `NEARLY_PARALLEL` keeps below 1e-12 of its own length."""
 
 NEARLY_PARALLEL = 1e-6
 """Squared sine under which two edges count as parallel."""
@@ -66,9 +66,9 @@ FIRST_REACH = 1.2
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
 PLACING_ERROR = 64.0 * UNIT_ROUNDOFF
-"""Rounding of what is not a stored coordinate (a midpoint, a half edge, a vertex placed at an image), as a multiple of the
-greatest coordinate and cell vector. A midpoint is off by u·√3 of the coordinate, an image by 8u of each lattice vector;
-ρ, which adds four of each, by less than 48u."""
+"""Rounding of what is not a stored coordinate (a midpoint, a half edge, a vertex placed at an image), as a multiple of
+the greatest coordinate and cell vector. A midpoint is off by u·√3 of the coordinate, an image by 8u of each lattice
+vector; ρ, which adds four of each, by less than 48u."""
 
 
 class StepMeasure(NamedTuple):
@@ -471,7 +471,7 @@ def climb_pairs(
 def meet_end_terms(motion: StepMotion, end_terms: IntArray, best: Extremes) -> None:
     """Take the end terms into ν: a vertex against its neighbour, or against the neighbour's edge.
 
-    They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and lets nothing pass.
+    They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and nothing passes.
     """
     for k in range(len(end_terms)):
         a, b, c, d = end_terms[k, 0], end_terms[k, 1], end_terms[k, 2], end_terms[k, 3]

@@ -103,20 +103,14 @@ class ReaderContract:
         assert self.reader_class.can_open(NONSENSE) is False
         assert self.reader_class.can_open(Source(object=object())) is False
 
-    def test_it_counts_its_frames(
-        self, source: Source, request_: ReaderRequest, expected: Expectation
-    ) -> None:
+    def test_it_counts_its_frames(self, source: Source, request_: ReaderRequest, expected: Expectation) -> None:
         with closing(self._open(source, request_)) as reader:
             assert reader.n_frames in {None, len(expected.frames)}
 
-    def test_frames_are_those_expected(
-        self, source: Source, request_: ReaderRequest, expected: Expectation
-    ) -> None:
+    def test_frames_are_those_expected(self, source: Source, request_: ReaderRequest, expected: Expectation) -> None:
         _assert_same_frames(self._read(source, request_), expected.frames)
 
-    def test_slices_are_python_slices(
-        self, source: Source, request_: ReaderRequest, expected: Expectation
-    ) -> None:
+    def test_slices_are_python_slices(self, source: Source, request_: ReaderRequest, expected: Expectation) -> None:
         with closing(self._open(source, request_)) as reader:
             is_stream = reader.n_frames is None
         for part in FORWARD_SLICES if is_stream else FORWARD_SLICES + COUNTED_SLICES:
@@ -136,15 +130,11 @@ class ReaderContract:
             assert frame.positions.dtype == np.float64, f"frame {frame.index} is {frame.positions.dtype}"
             assert frame.positions.flags.c_contiguous, f"frame {frame.index} is not C-contiguous"
             assert frame.positions.flags.writeable, f"frame {frame.index} is read-only"
-            assert frame.cell is None or frame.cell.shape == (3, 3), (
-                f"frame {frame.index}: cell of a wrong shape"
-            )
+            assert frame.cell is None or frame.cell.shape == (3, 3), f"frame {frame.index}: cell of a wrong shape"
             assert type(frame.index) is int, f"frame {frame.index}: the index is no plain int"
             assert type(frame.time) is float, f"frame {frame.index}: the time is no plain float"
 
-    def test_no_frame_is_overwritten(
-        self, source: Source, request_: ReaderRequest, expected: Expectation
-    ) -> None:
+    def test_no_frame_is_overwritten(self, source: Source, request_: ReaderRequest, expected: Expectation) -> None:
         with closing(self._open(source, request_)) as reader:
             frames = list(reader.frames())
         _assert_same_frames(frames, expected.frames, "after closing, ")
@@ -211,19 +201,13 @@ class ReaderContract:
                 assert note.endswith("."), f"not a sentence: {note!r}"
 
 
-def _assert_same_frames(
-    found: list[Frame], expected: "list[Frame] | tuple[Frame, ...]", where: str = ""
-) -> None:
+def _assert_same_frames(found: list[Frame], expected: "list[Frame] | tuple[Frame, ...]", where: str = "") -> None:
     assert [frame.index for frame in found] == [frame.index for frame in expected], f"{where}other frames"
     for one, other in zip(found, expected, strict=True):
         place = f"{where}frame {other.index}"
-        assert np.array_equal(one.time, other.time, equal_nan=True), (
-            f"{place}: {one.time} ps, not {other.time}"
-        )
+        assert np.array_equal(one.time, other.time, equal_nan=True), f"{place}: {one.time} ps, not {other.time}"
         assert np.array_equal(one.positions, other.positions, equal_nan=True), f"{place}: other positions"
-        assert (one.cell is None) == (other.cell is None), (
-            f"{place}: the cell is {one.cell}, not {other.cell}"
-        )
+        assert (one.cell is None) == (other.cell is None), f"{place}: the cell is {one.cell}, not {other.cell}"
         if one.cell is not None and other.cell is not None:
             assert np.array_equal(one.cell, other.cell), f"{place}: the cell is {one.cell}, not {other.cell}"
 

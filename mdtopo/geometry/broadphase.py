@@ -87,9 +87,7 @@ def candidate_pairs(
 
 
 @njit(cache=True, nogil=True)
-def images_can_meet(
-    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis
-) -> bool:
+def images_can_meet(mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis) -> bool:
     """Return whether the system is large enough for a sphere to meet an image of another, or of itself.
 
     All spheres stay within R of one point. An image s is |s·H(t)| away, and s·H(t) lies within |s·ΔH|/2 of one of its
@@ -161,8 +159,8 @@ def _with_ghosts(
 ) -> tuple[IntArray, IntArray]:
     """Return source and image of each sphere brought into the home cell, and of the ghosts that can reach one there.
 
-    Ghosts come from one half space of shifts only: of the two descriptions of a pair, (i, j + s) and (j, i - s), one has
-    a lexicographically positive shift.
+    Ghosts come from one half space of shifts only: of the two descriptions of a pair, (i, j + s) and (j, i - s), one
+    has a lexicographically positive shift.
 
     An image with fractions f + s meets a home sphere only if -reach ≤ f + s ≤ 1 + reach along each axis, reach being
     the two radii over the height of the cell. Its radius has grown by its drift, at most n·drift for max|s| = n, and
@@ -243,8 +241,9 @@ def _grown_rows(values: IntArray, capacity: int) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
-    """Return the spheres sorted by grid cell (x fastest), the start of each cell in that order, the grid's shape, and
-    how many cells a pair can span.
+    """Return the spheres sorted by grid cell (x fastest), the start of each cell, and the shape of the grid.
+
+    A cell is as wide as two spheres that meet can be apart, so that a pair lies in the same cell or in adjacent ones.
     """
     n = len(spheres)
     low, high, largest = row(spheres, 0), row(spheres, 0), 0.0

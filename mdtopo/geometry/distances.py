@@ -1,4 +1,4 @@
-"""How far apart are two edges, and what of that is proved?
+"""The distance of two edges, and what of it is proved.
 
 A closest-point computation yields an upper bound of the distance: any pair of points does. A certificate needs the
 other side, and takes it from the direction that the closest points give: for any w, every difference v of a point of

@@ -86,7 +86,7 @@ def middle_of(basis0: Basis, basis1: Basis) -> Basis:
 @njit(cache=True, nogil=True)
 def nearest_integers(v: Vector) -> Counts:
     """Return the components rounded to integers."""
-    return int(round(v[0])), int(round(v[1])), int(round(v[2]))
+    return round(v[0]), round(v[1]), round(v[2])
 
 
 @njit(cache=True, nogil=True)

@@ -7,8 +7,8 @@ import numpy as np
 from mdtopo.typing import Cell, Indices, Points, PointSeries, Times
 
 LARGEST_COORDINATE = 1e12
-"""Å. A coordinate beyond a tenth of a kilometre is garbage; the bounds of the kernels count on squares of squares that do
-not overflow."""
+"""Å. A coordinate beyond a hundred metres is garbage; the bounds of the kernels count on squares of squares that do not
+overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

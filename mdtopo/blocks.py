@@ -1,0 +1,166 @@
+"""The kernels over a block of frames: one call for whole strands, one for all of its steps.
+
+The hot path is columnar. A kernel runs over many steps and fills columns, because a Python object for each step would
+cost more than the mathematics.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.curves import edge_lengths, step_motion, whole_strands
+from mdtopo.geometry.rigid import covariance
+from mdtopo.ladder import N_RUNGS, measure_step
+from mdtopo.records import Rung
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class WholeFrames(NamedTuple):
+    """Frames with whole strands: positions, reduced cells, edge lengths, and which frames can be used at all."""
+
+    positions: FloatArray
+    cells: FloatArray
+    lengths: FloatArray
+    winding: IntArray
+    usable: BoolArray
+
+    def first(self, count: int) -> "WholeFrames":
+        """Return the first frames."""
+        return WholeFrames(
+            self.positions[:count], self.cells[:count], self.lengths[:count], self.winding[:count], self.usable[:count]
+        )
+
+
+class Columns(NamedTuple):
+    """The columns that the kernel writes, one row per step."""
+
+    displacement: FloatArray
+    displacement_vertex: IntArray
+    angle: FloatArray
+    is_turned: BoolArray
+    translation: FloatArray
+    nu: FloatArray
+    nu_witness: IntArray
+    nu_class: IntArray
+    ratio: FloatArray
+    ratio_witness: IntArray
+    clearances: FloatArray
+    clearance_witness: IntArray
+    rung: IntArray
+    rung_pairs: IntArray
+    cell_ok: BoolArray
+
+    def part(self, rows: slice) -> "Columns":
+        """Return views of some rows."""
+        return type(self)._make(array[rows] for array in self)
+
+
+@njit(cache=True, nogil=True)
+def whole_frames(
+    positions: FloatArray,
+    cells: FloatArray,
+    usable: BoolArray,
+    periodic: bool,
+    vertices: IntArray,
+    offsets: IntArray,
+    closed: BoolArray,
+    edges: IntArray,
+) -> WholeFrames:
+    """Return the frames of a block with whole strands and the lengths of their edges; NaN where a frame is unusable."""
+    n_frames = len(positions)
+    whole, bases = positions.copy(), np.zeros((n_frames, 3, 3))
+    lengths = np.full((n_frames, len(edges)), np.nan)
+    winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
+    for k in range(n_frames):
+        if not usable[k]:
+            continue
+        if periodic:
+            whole[k], bases[k], winding[k] = whole_strands(positions[k], cells[k], vertices, offsets, closed)
+        lengths[k] = edge_lengths(whole[k], edges)
+    return WholeFrames(whole, bases, lengths, winding, usable)
+
+
+@njit(cache=True, nogil=True)
+def covariances(positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray) -> FloatArray:
+    """Return the covariance of each step's two frames, shape (k, 3, 3); zero where the step is not measurable."""
+    found = np.zeros((len(measurable), 3, 3))
+    for k in range(len(measurable)):
+        if measurable[k]:
+            found[k] = covariance(positions[k], positions[k + 1], vertices, groups)
+    return found
+
+
+@njit(cache=True, nogil=True)
+def measure_steps(
+    frames: WholeFrames,
+    measurable: BoolArray,
+    periodic: bool,
+    rigid: bool,
+    rotations: FloatArray,
+    vertices: IntArray,
+    offsets: IntArray,
+    edges: IntArray,
+    following: IntArray,
+    trace: IntArray,
+    local_pairs: IntArray,
+    end_terms: IntArray,
+    out: Columns,
+) -> None:
+    """Measure each step whose two frames can be used, and write its row; other rows stay as they are."""
+    for k in range(len(frames.positions) - 1):
+        if not measurable[k]:
+            continue
+        motion = step_motion(
+            frames.positions[k],
+            frames.positions[k + 1],
+            frames.cells[k],
+            frames.cells[k + 1],
+            periodic,
+            rigid,
+            rotations[k],
+            vertices,
+            offsets,
+        )
+        out.is_turned[k], out.cell_ok[k] = motion.is_turned, motion.usable
+        out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
+        if not motion.usable:
+            continue
+        m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms)
+        out.displacement[k], out.displacement_vertex[k] = m.displacement, m.displacement_vertex
+        out.nu[k], out.nu_class[k], out.ratio[k], out.rung[k] = m.nu, m.nu_class, m.ratio, m.rung
+        out.nu_witness[k, :], out.ratio_witness[k, :] = m.nu_witness, m.ratio_witness
+        out.clearances[k, :], out.clearance_witness[k, :, :] = m.clearances, m.clearance_witness
+        out.rung_pairs[k, :] = m.rung_pairs
+
+
+def empty_columns(n: int) -> Columns:
+    """Return columns for n steps, of which none has been measured."""
+
+    def number(*shape: int) -> FloatArray:
+        return np.full((n, *shape), np.nan)
+
+    def index(*shape: int) -> IntArray:
+        return np.full((n, *shape), -1, dtype=np.int64)
+
+    return Columns(
+        displacement=number(),
+        displacement_vertex=index(),
+        angle=number(),
+        is_turned=np.zeros(n, dtype=np.bool_),
+        translation=number(3),
+        nu=number(),
+        nu_witness=index(4),
+        nu_class=index(),
+        ratio=number(),
+        ratio_witness=index(4),
+        clearances=number(3),
+        clearance_witness=index(3, 4),
+        rung=np.full(n, Rung.OPEN, dtype=np.int64),
+        rung_pairs=np.zeros((n, N_RUNGS), dtype=np.int64),
+        cell_ok=np.ones(n, dtype=np.bool_),
+    )

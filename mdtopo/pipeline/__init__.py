@@ -1,0 +1,8 @@
+"""The whole job: reader → blocks of frames → step tables → alerts → results. The only place where they meet."""
+
+from mdtopo.pipeline.framing import block_of, refuse_winding
+from mdtopo.pipeline.run import monitor
+from mdtopo.pipeline.tables import open_input, step_tables, steps
+from mdtopo.pipeline.tally import Progress, Tally
+
+__all__ = ["Progress", "Tally", "block_of", "monitor", "open_input", "refuse_winding", "step_tables", "steps"]

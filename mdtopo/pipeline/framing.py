@@ -1,0 +1,109 @@
+"""From a stream of frames to blocks that can be measured: what is read when, and which frames can be used."""
+
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
+
+import numpy as np
+
+from mdtopo.errors import StrandError, TrajectoryError
+from mdtopo.planning import ring_windings
+from mdtopo.readers import Reader
+from mdtopo.records import Frame, FrameBlock, Strands
+
+
+def lead_in(reader: Reader, frames: slice, n_reference: int) -> tuple[list[Frame], Iterator[Frame]]:
+    """Return the trajectory's first frames, and the stream of analysed frames; read once where they overlap."""
+    from_start = frames.start in (None, 0) and frames.step in (None, 1)
+    if from_start and (frames.stop is None or frames.stop >= n_reference or reader.n_frames is None):
+        stream = reader.frames(frames.start, frames.stop, frames.step)
+        first, failure = _take(stream, n_reference)
+        return first, chain(first, _raising(failure), stream)
+    first, failure = _take(reader.frames(0, n_reference, 1), n_reference)
+    if failure is not None and not first:
+        raise failure
+    return first, reader.frames(frames.start, frames.stop, frames.step)
+
+
+def _take(stream: Iterator[Frame], n: int) -> tuple[list[Frame], TrajectoryError | None]:
+    """Return up to n frames, and the error that ended them early, if one did."""
+    taken: list[Frame] = []
+    try:
+        taken.extend(islice(stream, n))
+    except TrajectoryError as error:
+        return taken, error
+    return taken, None
+
+
+def _raising(failure: TrajectoryError | None) -> Iterator[Frame]:
+    if failure is not None:
+        raise failure
+    yield from ()
+
+
+def frame_blocks(frames: Iterator[Frame], block_steps: int, *, periodic: bool) -> Iterator[FrameBlock]:
+    """Yield the frames in blocks that share one frame; a frame that cannot be used carries the reason.
+
+    If the stream fails, the frames before the failure are yielded first, then the error is raised.
+    """
+    carried = next(frames, None)
+    if carried is None:
+        return
+    first_step, failure = 0, None
+    while failure is None:
+        taken, failure = _take(frames, block_steps)
+        if not taken:
+            break
+        yield block_of([carried, *taken], first_step, periodic=periodic)
+        carried, first_step = taken[-1], first_step + len(taken)
+    if failure is not None:
+        raise failure
+
+
+def refuse_winding(frame: Frame, strands: Strands) -> None:
+    """Refuse rings that close through the periodic boundary, by name.
+
+    Raises
+    ------
+    StrandError
+        If there is such a ring in the frame, the trajectory's first.
+    """
+    if frame.cell is None or frame_problem(frame, periodic=True):
+        return
+    for name, winding in ring_windings(frame, strands):
+        raise StrandError(
+            f"Ring {name!r} closes through the periodic boundary (winding {winding} in frame {frame.index}); mdtopo "
+            "does not handle such a ring. Leave it out of the selection."
+        )
+
+
+def block_of(frames: Sequence[Frame], first_step: int, *, periodic: bool) -> FrameBlock:
+    """Return consecutive analysed frames as one block.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        At least one.
+    first_step : int
+        The step that joins the first two.
+    periodic : bool
+        Whether the run is periodic, as its trajectory's first frame says.
+    """
+    empty = np.full((3, 3), np.nan)
+    cells = np.stack([frame.cell if frame.cell is not None else empty for frame in frames])
+    return FrameBlock(
+        first_step,
+        np.array([frame.index for frame in frames], dtype=np.int64),
+        np.array([frame.time for frame in frames]),
+        np.stack([frame.positions for frame in frames]),
+        cells if periodic else None,
+        tuple(frame_problem(frame, periodic=periodic) for frame in frames),
+    )
+
+
+def frame_problem(frame: Frame, *, periodic: bool) -> str:
+    """Return why a frame cannot be used in a run, in words; empty where it can."""
+    if periodic and frame.cell is None:
+        return "it has no periodic box, unlike the trajectory's first frame"
+    if not periodic and frame.cell is not None:
+        return "it has a periodic box, unlike the trajectory's first frame"
+    return frame.problem

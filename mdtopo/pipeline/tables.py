@@ -1,0 +1,161 @@
+"""From any input to step tables and step reports: the part of the job that writes nothing."""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from mdtopo.bonds import reference_lengths
+from mdtopo.errors import InputError, TrajectoryError
+from mdtopo.kernelcache import announce_compilation
+from mdtopo.measure import measure_plan
+from mdtopo.pipeline.framing import frame_blocks, lead_in, refuse_winding
+from mdtopo.planning import BlockPlan, Setting, plan_block, reference_samples
+from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
+from mdtopo.records import FrameBlock, MonitorConfig, ReferenceLengths, StepReport, StepTable, Strands
+
+ALL_FRAMES = slice(None)
+
+
+def open_input(
+    *inputs: Any,
+    select: str | None = None,
+    strands: Strands | None = None,
+    reader: str | None = None,
+    reader_options: Mapping[str, Any] | None = None,
+) -> Reader:
+    """Return an open reader of the given input.
+
+    Parameters
+    ----------
+    *inputs
+        File paths (topology first, then the trajectory), or one Universe, AtomGroup, array or Reader.
+    select : str, optional
+        Which atoms are the backbone, in the reader's own language.
+    strands : Strands, optional
+        The strands of an array, which holds none itself.
+    reader : str, optional
+        Name of the reader to use.
+    reader_options : mapping, optional
+        Options of that reader by name.
+
+    Raises
+    ------
+    InputError
+        If the input cannot be opened.
+    """
+    if not inputs:
+        raise InputError("There is no input; pass file paths, a Universe, an AtomGroup, an array or a Reader.")
+    if all(isinstance(item, str | os.PathLike) for item in inputs):
+        source = Source(paths=tuple(Path(item) for item in inputs))
+    elif len(inputs) == 1:
+        source = Source(object=inputs[0])
+    else:
+        raise InputError("Pass either file paths, or one Python object; not several objects.")
+    request = ReaderRequest(select, dict(reader_options or {}), strands)
+    return open_reader(source, request, reader=reader)
+
+
+def steps(
+    *inputs: Any,
+    select: str | None = None,
+    strands: Strands | None = None,
+    frames: slice = ALL_FRAMES,
+    config: MonitorConfig | None = None,
+    reader: str | None = None,
+    reader_options: Mapping[str, Any] | None = None,
+    threads: int | None = None,
+) -> Iterator[StepReport]:
+    """Yield what each step measures and proves, in order; parameters as for `monitor`.
+
+    Memory does not grow with the trajectory. The reader is closed when the generator ends.
+    """
+    opened = open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
+    with opened:
+        for table in step_tables(opened, frames=frames, config=config or MonitorConfig(), threads=threads):
+            yield from table.reports()
+
+
+def step_tables(
+    reader: Reader,
+    *,
+    frames: slice = ALL_FRAMES,
+    config: MonitorConfig,
+    threads: int | None = None,
+    on_reference: Callable[[ReferenceLengths], None] | None = None,
+) -> Iterator[StepTable]:
+    """Yield the measures of all steps of a reader's frames, block by block and in order.
+
+    Parameters
+    ----------
+    reader : Reader
+        Read by the calling thread alone.
+    frames : slice
+        Which frames are analysed.
+    config : MonitorConfig
+    threads : int, optional
+        How many threads measure blocks while the next ones are read; by default `default_threads`. The tables do not
+        depend on it, bit for bit.
+    on_reference : callable, optional
+        Called with the reference lengths of the edges before the first table.
+
+    Raises
+    ------
+    StrandError
+        If a ring closes through the periodic boundary in the first frame.
+    TrajectoryError
+        When a frame cannot be read; the steps before it have been yielded by then.
+    """
+    first, stream = lead_in(reader, frames, config.reference_frames)
+    if not first:
+        next(stream, None)  # raises what kept the first frame from being read
+        return
+    announce_compilation()
+    reference = reference_lengths(reference_samples(first, reader.strands))
+    if on_reference is not None:
+        on_reference(reference)
+    refuse_winding(first[0], reader.strands)
+    setting = Setting.start(reader.strands, config, reference)
+    blocks = frame_blocks(stream, config.block_steps, periodic=first[0].cell is not None)
+    yield from _measured(_planned(blocks, setting), setting, threads or default_threads())
+
+
+def _planned(blocks: Iterator[FrameBlock], setting: Setting) -> Iterator[BlockPlan]:
+    for block in blocks:
+        plan, setting = plan_block(block, setting)
+        yield plan
+
+
+def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Iterator[StepTable]:
+    """Yield the tables of the plans, in order, measured by threads while the next plans are made.
+
+    At most two blocks per thread are held, so that a fast reader does not fill the memory. If making a plan fails, the
+    tables before it are yielded first.
+    """
+    waiting: deque[Future[StepTable]] = deque()
+    failure: TrajectoryError | None = None
+    with ThreadPoolExecutor(threads, thread_name_prefix="mdtopo") as pool:
+        while True:
+            try:
+                plan = next(plans, None)
+            except TrajectoryError as error:
+                plan, failure = None, error
+            if plan is None:
+                break
+            waiting.append(pool.submit(measure_plan, plan, setting.strands, setting.config.motion))
+            while len(waiting) > 2 * threads or (waiting and waiting[0].done()):
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    if failure is not None:
+        raise failure
+
+
+def default_threads() -> int:
+    """Return the number of threads to use: SLURM_CPUS_PER_TASK where it is set, else the cores of this process."""
+    allotted = os.environ.get("SLURM_CPUS_PER_TASK", "")
+    if allotted.isdigit() and int(allotted) > 0:
+        return int(allotted)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

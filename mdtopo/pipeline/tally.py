@@ -1,0 +1,58 @@
+"""What a run comes to, while it runs and in the end."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mdtopo.alerts import count_steps
+from mdtopo.records import MonitorConfig, RunSummary, Severity, StepCounts, StepTable, run_verdict
+from mdtopo.typing import Ratios
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a run has come: steps done, steps in all (None for a stream), alerts so far."""
+
+    steps: int
+    total: int | None
+    alerts: int
+
+
+@dataclass(slots=True)
+class Tally:
+    """What a run has come to so far."""
+
+    config: MonitorConfig
+    counts: StepCounts = field(default_factory=StepCounts)
+    n_fractures: int = 0
+    alerts: Counter[Severity] = field(default_factory=Counter)
+    clearance: tuple[float, int] = (np.nan, -1)
+    ratio: tuple[float, int] = (np.nan, -1)
+
+    def add(self, table: StepTable) -> None:
+        """Count the steps of a table."""
+        self.counts += count_steps(table, self.config)
+        self.n_fractures += len(table.broken)
+        self.clearance = _extreme(self.clearance, -table.clearance, table.first_step, sign=-1.0)
+        self.ratio = _extreme(self.ratio, table.pair_ratio, table.first_step, sign=1.0)
+
+    def summary(self, results: Path | None, stopped: str) -> RunSummary:
+        """Return the summary of the run."""
+        warnings = self.alerts[Severity.WARNING] + self.alerts[Severity.CRITICAL]
+        verdict = run_verdict(self.counts, self.n_fractures, warnings)
+        alerts = {severity: self.alerts[severity] for severity in Severity}
+        return RunSummary(
+            verdict, self.counts, self.n_fractures, alerts, *self.clearance, *self.ratio, results, stopped
+        )
+
+
+def _extreme(best: tuple[float, int], values: Ratios, first_step: int, *, sign: float) -> tuple[float, int]:
+    """Return the better of the best so far and the greatest of `values`, as (sign x value, step)."""
+    if not len(values) or np.isnan(values).all():
+        return best
+    row = int(np.nanargmax(values))
+    if best[1] >= 0 and sign * best[0] >= values[row]:
+        return best
+    return sign * float(values[row]), first_step + row

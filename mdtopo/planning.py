@@ -1,0 +1,237 @@
+"""What must be known of a block of frames in order, before its steps can be measured in any order.
+
+Strands are made whole, and edges are held against their reference lengths: an edge that breaks is no edge of the steps
+behind it. This is the one thing that is handed from block to block, and it is cheap. What remains to be done for a
+`BlockPlan` depends on nothing else, so threads may take one each.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mdtopo.blocks import WholeFrames, whole_frames
+from mdtopo.bonds import BondLimits, BondState
+from mdtopo.records import BrokenEdge, Frame, FrameBlock, MonitorConfig, ReferenceLengths, Strands, Traces
+from mdtopo.typing import Flags, Lengths, PointSeries, Ratios
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Setting:
+    """What is constant over a run, and what is not but must be handed from block to block.
+
+    Attributes
+    ----------
+    strands, config
+        As given.
+    limits : BondLimits
+        When an edge counts as stretched or broken.
+    traces : Traces
+        The edges that are left.
+    bonds : BondState
+        Which edges are broken, after the last frame seen.
+    has_started : bool
+        Whether the run's first frame has been seen.
+    """
+
+    strands: Strands
+    config: MonitorConfig
+    limits: BondLimits
+    traces: Traces
+    bonds: BondState
+    has_started: bool = False
+
+    @classmethod
+    def start(cls, strands: Strands, config: MonitorConfig, reference: ReferenceLengths) -> "Setting":
+        """Return the setting before the first frame."""
+        intact = BondState.intact(len(strands.edges))
+        return cls(strands, config, BondLimits.of(reference, config), Traces.of(strands), intact)
+
+    def all_edges(self, values: Lengths) -> Ratios:
+        """Spread values of the edges that are left over all edges, as ratios to the reference; NaN where broken."""
+        ratios = np.full((len(values), len(self.limits.reference)), np.nan)
+        ratios[:, self.traces.edge_index] = values / self.limits.reference[self.traces.edge_index]
+        return ratios
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Steps of a block that have the same edges.
+
+    Attributes
+    ----------
+    steps : slice
+        Which steps, counted within the block.
+    frames : WholeFrames
+        Their frames, one more than there are steps.
+    traces : Traces
+        Their edges.
+    """
+
+    steps: slice
+    frames: WholeFrames
+    traces: Traces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockPlan:
+    """A block whose strands are whole and whose broken edges are known.
+
+    Attributes
+    ----------
+    block : FrameBlock
+        The frames as they were read.
+    parts : tuple of Stretch
+        The steps, cut where an edge breaks.
+    ratios : ndarray, shape (n_steps, n_edges)
+        Length of each edge over its reference, at the end of each step; NaN for edges that are broken.
+    broken : tuple of BrokenEdge
+        Edges that break in this block.
+    problems : tuple of str, length n_steps
+        Why a step cannot be measured, in words; empty where it can.
+    limits : BondLimits
+        When an edge counts as stretched or broken.
+    """
+
+    block: FrameBlock
+    parts: tuple[Stretch, ...]
+    ratios: Ratios
+    broken: tuple[BrokenEdge, ...]
+    problems: tuple[str, ...]
+    limits: BondLimits
+
+
+def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]:
+    """Return what can be done of a block at once, and the setting for the next block.
+
+    Parameters
+    ----------
+    block : FrameBlock
+        k + 1 frames; its first frame was the last one of the block before, or the run's first.
+    setting : Setting
+        As returned with the block before, or `Setting.start`.
+    """
+    problems = list(block.problems)
+    ratios = np.full((block.n_steps + 1, len(setting.limits.reference)), np.nan)
+    parts: list[Stretch] = []
+    broken: list[BrokenEdge] = []
+    start = 0
+    if not setting.has_started:
+        setting, broken = _watch_first_frame(block, setting)
+    while start < block.n_steps:
+        frames = _whole(block, problems, slice(start, None), setting)
+        _note_winding(frames, start, setting, problems)
+        ratios[start + 1 :] = setting.all_edges(frames.lengths[1:])  # a frame belongs to the step that it ends
+        count, after = _until_break(ratios[start + 1 :], setting)
+        parts.append(Stretch(slice(start, start + count), frames.first(count + 1), setting.traces))
+        start += count
+        broken += _newly_broken(block, start, ratios[start], after, setting)
+        setting = _with_bonds(setting, after)
+    plan = BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), _step_problems(block, problems), setting.limits)
+    return plan, setting
+
+
+def _whole(block: FrameBlock, problems: Sequence[str], part: slice, setting: Setting) -> WholeFrames:
+    usable = np.array([not problem for problem in problems[part]], dtype=np.bool_)
+    cells = block.cells if block.cells is not None else np.zeros((len(block.frames), 3, 3))
+    return _whole_frames(block.positions[part], cells[part], usable, block.cells is not None, setting.traces)
+
+
+def _whole_frames(
+    positions: PointSeries, cells: PointSeries, usable: Flags, periodic: bool, traces: Traces
+) -> WholeFrames:
+    t = traces
+    return whole_frames(positions, cells, usable, periodic, t.vertices, t.offsets, t.closed, t.edges)
+
+
+def _note_winding(frames: WholeFrames, start: int, setting: Setting, problems: list[str]) -> None:
+    """Mark frames in which a ring closes through the boundary: it cannot be made whole, so nothing can be proved."""
+    for k, trace in zip(*np.nonzero(frames.winding.any(axis=2)), strict=True):
+        vertex = setting.traces.vertices[setting.traces.offsets[trace]]
+        name = setting.strands.names[setting.strands.strand_of_vertex[vertex]]
+        problems[start + k] = (
+            f"ring {name!r} closes through the periodic boundary (winding {frames.winding[k, trace].tolist()}), "
+            "which mdtopo does not handle; leave it out of the selection"
+        )
+
+
+def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
+    """Return how many frames pass until an edge breaks (that one included), or all, and the bond state then."""
+    state, count = setting.bonds, len(ratios)
+    over = ratios >= setting.limits.fracture
+    if not over.any() and not state.streak.any():
+        return count, state
+    for k in range(count):
+        after = state.after(ratios[k], setting.limits, setting.config.fracture_frames)
+        if after.broken.sum() > state.broken.sum():
+            return k + 1, after
+        state = after
+    return count, state
+
+
+def _watch_first_frame(block: FrameBlock, setting: Setting) -> tuple[Setting, list[BrokenEdge]]:
+    """Count the run's first frame too: every other frame is the end of a step, this one is not."""
+    frames = _whole(block, block.problems, slice(0, 1), setting)
+    ratios = setting.all_edges(frames.lengths)[0]
+    after = setting.bonds.after(ratios, setting.limits, setting.config.fracture_frames)
+    fresh = _newly_broken(block, 0, ratios, after, setting)
+    return replace(_with_bonds(setting, after), has_started=True), fresh
+
+
+def _with_bonds(setting: Setting, after: BondState) -> Setting:
+    traces = setting.traces
+    if after.broken.sum() > setting.bonds.broken.sum():
+        traces = Traces.of(setting.strands, np.flatnonzero(after.broken).tolist())
+    return replace(setting, bonds=after, traces=traces)
+
+
+def _newly_broken(block: FrameBlock, k: int, ratios: Ratios, after: BondState, setting: Setting) -> list[BrokenEdge]:
+    return [
+        BrokenEdge(
+            step=max(block.first_step + k - 1, 0),
+            frame=int(block.frames[k]),
+            edge=(int(setting.strands.edges[e, 0]), int(setting.strands.edges[e, 1])),
+            ratio=float(ratios[e]),
+            limit=float(setting.limits.fracture[e]),
+        )
+        for e in np.flatnonzero(after.broken & ~setting.bonds.broken)
+    ]
+
+
+def _step_problems(block: FrameBlock, problems: Sequence[str]) -> tuple[str, ...]:
+    """Return what is wrong with each step, in words; empty where nothing is."""
+    found = []
+    for k in range(block.n_steps):
+        bad = [f"frame {block.frames[f]}: {problems[f]}" for f in (k, k + 1) if problems[f]]
+        if block.times[k + 1] <= block.times[k]:  # an unknown time (NaN) is no objection
+            bad.append(
+                f"frame {block.frames[k + 1]}: time {block.times[k + 1]:g} ps does not come after "
+                f"{block.times[k]:g} ps of frame {block.frames[k]}"
+            )
+        found.append("; ".join(bad))
+    return tuple(found)
+
+
+def reference_samples(frames: list[Frame], strands: Strands) -> Lengths:
+    """Return the edge lengths of the given frames, Å, shape (n_frames, n_edges); NaN rows for unusable frames."""
+    traces = Traces.of(strands)
+    samples = np.full((len(frames), len(strands.edges)), np.nan)
+    for k, frame in enumerate(frames):
+        if not frame.problem:
+            samples[k, traces.edge_index] = _one_whole_frame(frame, traces).lengths[0]
+    return samples
+
+
+def ring_windings(frame: Frame, strands: Strands) -> Iterator[tuple[str, list[int]]]:
+    """Yield the name and the winding, in reduced lattice vectors, of each ring that closes through the boundary."""
+    traces = Traces.of(strands)
+    winding = _one_whole_frame(frame, traces).winding[0]
+    for trace in np.flatnonzero(winding.any(axis=1)):
+        yield strands.names[trace], winding[trace].tolist()
+
+
+def _one_whole_frame(frame: Frame, traces: Traces) -> WholeFrames:
+    cell = frame.cell if frame.cell is not None else np.zeros((3, 3))
+    usable = np.ones(1, dtype=np.bool_)
+    positions, cells = frame.positions[np.newaxis], cell[np.newaxis]
+    return _whole_frames(positions, cells, usable, frame.cell is not None, traces)
