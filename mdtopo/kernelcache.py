@@ -26,11 +26,13 @@ def cold_cache() -> Path | None:
     Heuristic: it asks for the one kernel that nearly all of the time is spent on. numba offers no public way to ask,
     so where its insides have changed the answer is None.
     """
-    if measure_steps.signatures:
-        return None
     try:
+        if measure_steps.signatures:
+            return None
         return None if _is_stored(measure_steps) else Path(str(measure_steps.stats.cache_path))
-    except Exception:  # a line of information must not cost the run
+    except (
+        Exception
+    ):  # a line of information must not cost the run; under NUMBA_DISABLE_JIT there is no dispatcher either
         return None
 
 

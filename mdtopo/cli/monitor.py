@@ -119,6 +119,7 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
             config=config,
             reader=options["reader"],
             reader_options=options["reader_option"],
+            threads=options["threads"],
             overwrite=options["overwrite"],
             on_progress=display.show,
             argv=argv,

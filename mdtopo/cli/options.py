@@ -21,6 +21,7 @@ class Kind(Enum):
     FLAG = "true or false"
     NUMBER = "a number"
     INTEGER = "a whole number"
+    COUNT = "a whole number above 0"
     CHOICE = "one of the words"
     FRAMES = "a slice start:stop:step in quotes, such as '100:200' or '::10'"
     PAIRS = "a table of names and values"
@@ -76,6 +77,8 @@ class Option:
                 return isinstance(value, int | float)
             case Kind.INTEGER:
                 return isinstance(value, int)
+            case Kind.COUNT:
+                return isinstance(value, int) and value > 0
             case Kind.CHOICE:
                 return value in self.choices
             case Kind.PAIRS:
@@ -131,6 +134,17 @@ INPUT_OPTIONS = (
 
 VERBOSE = Option("verbose", Kind.FLAG, False, "print more notes, and a traceback with every error", "output", short="v")
 
+THREADS = Option(
+    "threads",
+    Kind.COUNT,
+    None,
+    "threads that measure steps; results do not depend on it (default: SLURM_CPUS_PER_TASK where that is set, else "
+    "the cores that this process may use)",
+    "output",
+    metavar="N",
+    example="4",
+)
+
 OUTPUT_OPTIONS = (
     Option(
         "out",
@@ -160,6 +174,7 @@ OUTPUT_OPTIONS = (
         "output",
         choices=(NEVER, "info", "warning", "critical"),
     ),
+    THREADS,
     Option("quiet", Kind.FLAG, False, "print no progress, no notes and no summary", "output", short="q"),
     VERBOSE,
 )
@@ -205,7 +220,7 @@ def _argument(option: Option) -> dict[str, Any]:
             return {**shown, "choices": option.choices}
         case Kind.PAIRS:
             return {**shown, "metavar": option.metavar, "action": "append", "type": name_and_value}
-    types: dict[Kind, Any] = {Kind.NUMBER: float, Kind.INTEGER: int, Kind.FRAMES: _frames_text}
+    types: dict[Kind, Any] = {Kind.NUMBER: float, Kind.INTEGER: int, Kind.COUNT: _count, Kind.FRAMES: _frames_text}
     return {**shown, "metavar": option.metavar, "type": types.get(option.kind, str)}
 
 
@@ -242,6 +257,12 @@ def frame_slice(text: str) -> slice:
     if wanted.step is not None and wanted.step < 1:
         raise ValueError(f"the step of {text!r} must be 1 or more: time runs forward")
     return wanted
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
 
 
 def _frames_text(text: str) -> str:

@@ -18,6 +18,11 @@ class Outcome:
     err: str
 
 
+@pytest.fixture(autouse=True)
+def _without_tracebacks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MDTOPO_DEBUG", raising=False)
+
+
 @pytest.fixture
 def cli(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
     def run(*words: object) -> Outcome:

@@ -54,6 +54,7 @@ def test_version(cli: Callable) -> None:
         ["monitor", "a.npz", "--motion", "sideways"],
         ["monitor", "a.npz", "--near-limit", "far"],
         ["monitor", "a.npz", "--near-limit", "-1"],
+        ["monitor", "a.npz", "--threads", "0"],
         ["monitor", "a.npz", "--frames", "3"],
         ["monitor", "a.npz", "--frames", "::-1"],
         ["monitor", "a.npz", "--frames", "a:b"],

@@ -57,6 +57,7 @@ def test_reader_options_are_a_table(toml: Callable) -> None:
         ("colour = 'red'", ["'colour'", "The keys are: select, frames"]),
         ("near-limit = '0.8'", ["'near-limit'", '"0.8"', "a number"]),
         ("block-steps = 6.5", ["'block-steps'", "6.5", "a whole number"]),
+        ("threads = 0", ["'threads'", "a whole number above 0"]),
         ("overwrite = 1", ["'overwrite'", "true or false"]),
         ("quiet = 'yes'", ["'quiet'", "true or false"]),
         ("motion = 'sideways'", ["'motion'", "rigid, lab"]),
