@@ -59,8 +59,9 @@ def exit_code(error: BaseException, *, show_traceback: bool) -> Exit:
     if "no locator available" in str(error):  # numba's words, when it is imported
         say("numba finds no directory where it may keep compiled kernels; set NUMBA_CACHE_DIR to one.")
         return Exit.BAD_INPUT
+    first_line = next(iter(str(error).splitlines()), "")
     say(
-        f"internal error: {type(error).__name__}: {error}\n"
+        f"internal error: {type(error).__name__}: {first_line}\n"
         "mdtopo: this is a fault of mdtopo, not of your input. Please report it with the command and its output when "
         f"{DEBUG_VARIABLE}=1 is set."
     )
