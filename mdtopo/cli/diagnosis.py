@@ -283,7 +283,7 @@ def advice(sample: Sample | None) -> str:
     if undecided:
         return (
             "Strands pass through each other, or the frames are too far apart to tell: "
-            f"{undecided} of {sample.steps} steps are not proved; {_closer(sample)}."
+            f"{undecided} of {sample.steps} steps {'is' if undecided == 1 else 'are'} not proved; {_closer(sample)}."
         )
     if ratio >= COMFORT:
         return f"The save interval is just short enough: the greatest pair ratio is {ratio:.2f}; {_closer(sample)}."

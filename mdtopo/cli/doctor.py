@@ -25,7 +25,7 @@ WIDTH = 100
 RUNG_WORDS = {
     "BALL": "no vertex moved half the least distance (the paper's ball)",
     "TWO_FRAME_BALL": "no vertex moved half the mean of both frames' least distances",
-    "BROAD_PHASE": "all other pairs are too far apart to meet",
+    "BROAD_PHASE": "the bounding spheres of all pairs stay apart",
     "RELATIVE_MOTION": "pairs moved less than their distances",
     "DIRECTION": "pairs stay on their sides of a plane",
     "HULL": "the convex hull of a pair's differences avoids 0",
@@ -141,17 +141,22 @@ def _time(found: "Diagnosis") -> str:
         return "not known"
     if math.isnan(found.spacing_least):
         return f"{found.time_first:g} ps"
-    least, greatest = f"{found.spacing_least:.4g}", f"{found.spacing_greatest:.4g}"
+    least, greatest = _short(found.spacing_least), _short(found.spacing_greatest)
     spacing = f"{least} ps" if least == greatest else f"{least} to {greatest} ps"
     last = f" to {found.time_last:g}" if math.isfinite(found.time_last) else ""
     return f"{found.time_first:g}{last} ps, {spacing} between analysed frames"
 
 
+def _short(number: float) -> str:
+    """Return a number to four digits, without an exponent where it is of ordinary size."""
+    return f"{float(f'{number:.4g}'):g}"
+
+
 def _box(box: "Box | None") -> str:
     if box is None:
         return "none: not periodic"
-    lengths = " x ".join(f"{x:.4g}" for x in box.lengths)
-    angles = ", ".join(f"{x:.4g}" for x in box.angles)
+    lengths = " x ".join(_short(x) for x in box.lengths)
+    angles = ", ".join(_short(x) for x in box.angles)
     return f"periodic, {lengths} Å, angles {angles} degrees (first frame)"
 
 

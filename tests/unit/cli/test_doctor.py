@@ -68,6 +68,11 @@ def test_without_times_and_box_it_says_so(cli: Callable, npz: Callable) -> None:
     assert "  box          none: not periodic\n" in text
 
 
+def test_long_times_are_written_out(cli: Callable, npz: Callable) -> None:
+    text = cli("doctor", npz(time=20000.0 * np.arange(12))).out
+    assert "  time         0 to 220000 ps, 20000 ps between analysed frames\n" in text
+
+
 def test_unusable_frames_are_counted(cli: Callable, npz: Callable) -> None:
     with np.load(npz()) as stored:
         x = stored["positions"].copy()
