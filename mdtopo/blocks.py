@@ -27,13 +27,12 @@ class WholeFrames(NamedTuple):
     cells: FloatArray
     lengths: FloatArray
     winding: IntArray
+    placing: FloatArray
     usable: BoolArray
 
     def first(self, count: int) -> "WholeFrames":
         """Return the first frames."""
-        return WholeFrames(
-            self.positions[:count], self.cells[:count], self.lengths[:count], self.winding[:count], self.usable[:count]
-        )
+        return type(self)._make(array[:count] for array in self)
 
 
 class Columns(NamedTuple):
@@ -76,23 +75,28 @@ def whole_frames(
     whole, bases = positions.copy(), np.zeros((n_frames, 3, 3))
     lengths = np.full((n_frames, len(edges)), np.nan)
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
+    placing = np.zeros(n_frames)
     for k in range(n_frames):
         if not usable[k]:
             continue
         if periodic:
-            whole[k], bases[k], winding[k] = whole_strands(positions[k], cells[k], vertices, offsets, closed)
+            whole[k], bases[k], winding[k], placing[k] = whole_strands(
+                positions[k], cells[k], vertices, offsets, closed
+            )
         lengths[k] = edge_lengths(whole[k], edges)
-    return WholeFrames(whole, bases, lengths, winding, usable)
+    return WholeFrames(whole, bases, lengths, winding, placing, usable)
 
 
 @njit(cache=True, nogil=True)
-def covariances(positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray) -> FloatArray:
-    """Return the covariance of each step's two frames, shape (k, 3, 3); zero where the step is not measurable."""
-    found = np.zeros((len(measurable), 3, 3))
+def covariances(
+    positions: FloatArray, measurable: BoolArray, vertices: IntArray, groups: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return covariance, shape (k, 3, 3), and size of each step's two frames; zero where it is not measurable."""
+    found, sizes = np.zeros((len(measurable), 3, 3)), np.zeros(len(measurable))
     for k in range(len(measurable)):
         if measurable[k]:
-            found[k] = covariance(positions[k], positions[k + 1], vertices, groups)
-    return found
+            found[k], sizes[k] = covariance(positions[k], positions[k + 1], vertices, groups)
+    return found, sizes
 
 
 @njit(cache=True, nogil=True)
@@ -112,6 +116,7 @@ def measure_steps(
     out: Columns,
 ) -> None:
     """Measure each step whose two frames can be used, and write its row; other rows stay as they are."""
+    reach = 0.0
     for k in range(len(frames.positions) - 1):
         if not measurable[k]:
             continue
@@ -120,6 +125,7 @@ def measure_steps(
             frames.positions[k + 1],
             frames.cells[k],
             frames.cells[k + 1],
+            max(frames.placing[k], frames.placing[k + 1]),
             periodic,
             rigid,
             rotations[k],
@@ -130,7 +136,8 @@ def measure_steps(
         out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
         if not motion.usable:
             continue
-        m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms)
+        m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms, reach)
+        reach, out.cell_ok[k] = m.needed_reach, m.countable
         out.displacement[k], out.displacement_vertex[k] = m.displacement, m.displacement_vertex
         out.nu[k], out.nu_class[k], out.ratio[k], out.rung[k] = m.nu, m.nu_class, m.ratio, m.rung
         out.nu_witness[k, :], out.ratio_witness[k, :] = m.nu_witness, m.ratio_witness

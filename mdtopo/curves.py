@@ -21,6 +21,7 @@ from mdtopo.geometry.lattice import (
     nearest_integers,
     reduced_basis,
     store_basis,
+    total_length,
     volume,
     whole_counts,
 )
@@ -46,6 +47,9 @@ class StepMotion(NamedTuple):
         Motion of the centroid that was removed, Å.
     usable : bool
         Whether images can be counted on the path between the two cells.
+    placing : float
+        The greatest length that was rounded when vertices were placed in the cell, Å: of stored coordinates, and of
+        stored cell vectors times the counts that were applied. 0 without a cell.
     """
 
     x0: FloatArray
@@ -55,13 +59,14 @@ class StepMotion(NamedTuple):
     is_turned: bool
     translation: Vector
     usable: bool
+    placing: float
 
 
 @njit(cache=True, nogil=True)
 def whole_strands(
     x: FloatArray, cell: FloatArray, vertices: IntArray, offsets: IntArray, closed: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return the positions with every trace whole, the reduced cell, and the winding of each trace.
+) -> tuple[FloatArray, FloatArray, IntArray, float]:
+    """Return the positions with every trace whole, the reduced cell, the winding of each trace, and what was rounded.
 
     Parameters
     ----------
@@ -82,13 +87,15 @@ def whole_strands(
         The reduced cell.
     winding : ndarray of int, shape (n_traces, 3)
         Nonzero where a closed trace closes through the boundary, so that it cannot be made whole.
+    placing : float
+        See `StepMotion`.
     """
     basis = reduced_basis(basis_of(cell))
     inverse = inverse_of(basis)
     counts, winding = whole_counts(x, basis, vertices, offsets, closed)
     whole, reduced = np.empty_like(x), np.empty((3, 3))
     store_basis(basis, reduced)
-    anchor = (0.0, 0.0, 0.0)
+    anchor, stored, applied = (0.0, 0.0, 0.0), 0.0, 0
     for g in range(len(closed)):
         centre = (0.0, 0.0, 0.0)
         for k in range(offsets[g], offsets[g + 1]):
@@ -101,9 +108,12 @@ def whole_strands(
         move = nearest_image(subtract(centre, anchor), basis, inverse)
         for k in range(offsets[g], offsets[g + 1]):
             i = vertices[k]
-            v = lattice_vector((counts[i, 0] + move[0], counts[i, 1] + move[1], counts[i, 2] + move[2]), basis)
+            total = (counts[i, 0] + move[0], counts[i, 1] + move[1], counts[i, 2] + move[2])
+            applied = max(applied, abs(total[0]), abs(total[1]), abs(total[2]))
+            stored = max(stored, abs(x[i, 0]), abs(x[i, 1]), abs(x[i, 2]))
+            v = lattice_vector(total, basis)
             whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
-    return whole, reduced, winding
+    return whole, reduced, winding, stored + (1 + applied) * total_length(basis_of(cell))
 
 
 @njit(cache=True, nogil=True)
@@ -127,6 +137,7 @@ def step_motion(
     x1: FloatArray,
     cell0: FloatArray,
     cell1: FloatArray,
+    placing: float,
     periodic: bool,
     rigid: bool,
     rotation: FloatArray,
@@ -141,6 +152,8 @@ def step_motion(
         Whole strands.
     cell0, cell1 : ndarray, shape (3, 3)
         Reduced cells; ignored unless periodic.
+    placing : float
+        The greater one of the two frames, see `StepMotion`.
     periodic, rigid : bool
         Whether there is a cell; whether a rigid motion is taken out (else the stored coordinates stand, images aside).
     rotation : ndarray, shape (3, 3)
@@ -171,7 +184,7 @@ def step_motion(
         for i in range(len(turned)):
             turned[i, 0], turned[i, 1], turned[i, 2] = subtract(row(turned, i), shift)
         translation = subtract(combine(after, basis_of(rotation)), before) if is_turned else shift
-    return StepMotion(x0, turned, cell0, turned_cell, is_turned, translation, usable)
+    return StepMotion(x0, turned, cell0, turned_cell, is_turned, translation, usable, placing)
 
 
 @njit(cache=True, nogil=True)

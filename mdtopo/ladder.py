@@ -65,10 +65,13 @@ NEARLY_PARALLEL = 1e-6
 FIRST_REACH = 1.2
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
+SPARE_REACH = 1.05
+"""And this much further than the step before had to look, which spares most steps a second search."""
+
 PLACING_ERROR = 64.0 * UNIT_ROUNDOFF
-"""Rounding of what is not a stored coordinate (a midpoint, a half edge, a vertex placed at an image), as a multiple of
-the greatest coordinate and cell vector. A midpoint is off by u·√3 of the coordinate, an image by 8u of each lattice
-vector; ρ, which adds four of each, by less than 48u."""
+"""Rounding of what is not a stored coordinate (a midpoint, a half edge, a vertex placed in the cell or at an image), as
+a multiple of the greatest coordinate and cell vector that entered. A midpoint is off by u·√3 of the coordinate, an
+image by 8u of each lattice vector, reduced ones included; ρ, which adds four of each, by less than 48u."""
 
 LEAST_SLACK = 1e-140
 """Å. Added to that rounding: squares of lengths below 1e-160 Å underflow, and a radius or a motion came out as 0."""
@@ -95,9 +98,13 @@ class StepMeasure(NamedTuple):
     clearance_witness : ndarray of int, shape (3, 4)
         -1 where no pair lies within reach.
     rung_pairs : ndarray of int, shape (9,)
-        Pairs settled by each rung; the last entry counts open ones.
+        Pairs that the broad phase left, by the rung that settles them; the last entry counts open ones.
     rung : int
         The costliest rung needed; OPEN if a pair stayed open.
+    needed_reach : float
+        How far the search had to go, Å.
+    countable : bool
+        False where too many periodic images might be met, so that the search was given up; the rung is then OPEN.
     """
 
     nu: float
@@ -112,6 +119,8 @@ class StepMeasure(NamedTuple):
     clearance_witness: IntArray
     rung_pairs: IntArray
     rung: int
+    needed_reach: float
+    countable: bool
 
 
 class Spheres(NamedTuple):
@@ -305,12 +314,38 @@ def cheap_bounds(
 
 
 @njit(cache=True, nogil=True)
+def is_far(
+    centre0: Vector,
+    centre1: Vector,
+    first0: Vector,
+    second0: Vector,
+    first1: Vector,
+    second1: Vector,
+    reach: float,
+    moved: float,
+    nearest: float,
+    ratio: float,
+    slack: float,
+) -> bool:
+    """Return whether the slabs of a pair are so far apart that it can change none of the step's extremes.
+
+    Most pairs end here, so it has one square root and no division. `moved` is an upper bound of ρ; a pair at least
+    `nearest` apart changes neither a clearance nor ν, and one whose ρ is at most 2·gap·`ratio` not the greatest ratio.
+    """
+    w = add(centre0, centre1)
+    length = norm(w)
+    start, end = slab_bound(w, centre0, first0, second0), slab_bound(w, centre1, first1, second1)
+    gap = min(start, end) - (slack + BOUND_ERROR * (length + moved + reach)) * length
+    return gap > 0.0 and gap > nearest * length and moved * length < 2.0 * gap * ratio
+
+
+@njit(cache=True, nogil=True)
 def is_idle(
     gap: float, low0: float, low1: float, rho: float, least: float, nu0: float, nu1: float, ratio: float
 ) -> bool:
     """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
     clearance = max(gap, 0.5 * (low0 + low1 - rho))
-    return clearance > 0.0 and clearance >= least and low0 >= nu0 and low1 >= nu1 and rho <= ratio * (low0 + low1)
+    return clearance > max(least, 0.0) and low0 > nu0 and low1 > nu1 and rho < ratio * (low0 + low1)
 
 
 @njit(cache=True, nogil=True)
@@ -322,7 +357,7 @@ def settle_pair(
     bounds: tuple[float, float, float, float],
     motion: StepMotion,
     edges: IntArray,
-    slack: float,
+    placing: float,
     best: Extremes,
 ) -> None:
     """Settle one pair of edges by the cheapest rung that does, and keep what it adds to the step's extremes."""
@@ -334,14 +369,13 @@ def settle_pair(
     c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
     c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
     start, end = (a0, b0, c0, d0), (a1, b1, c1, d1)
-    placing = 0.0 if image == (0, 0, 0) else slack  # stored coordinates are exact
     _, _, n0 = closest_points(a0, b0, c0, d0)
     _, _, n1 = closest_points(a1, b1, c1, d1)
     low0 = max(dual_bound(n0, a0, b0, c0, d0) - placing, low0)
     low1 = max(dual_bound(n1, a1, b1, c1, d1) - placing, low1)
     rho = relative_motion(start, end) + placing
-    keep_nu(edges[i], edges[j], kind, norm(n0), norm(n1), low0, low1, best)
-    keep_ratio(edges[i], edges[j], rho, low0, low1, best)
+    keep_nu(edges, i, j, kind, norm(n0), norm(n1), low0, low1, best)
+    keep_ratio(edges, i, j, rho, low0, low1, best)
     rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
     # tests are for what is proved, so that a NaN proves nothing
     if not gap > 0.0:
@@ -352,17 +386,33 @@ def settle_pair(
             rung, clearance = HULL, hull_clearance(start, end) - placing
         if not clearance > 0.0:
             rung, clearance = OPEN, 0.0
-    best.rung_pairs[rung] += 1
-    if clearance < best.least[kind]:
+    if rung != BROAD_PHASE:
+        best.rung_pairs[rung] += 1
+    if clearance < best.least[kind] or (clearance == best.least[kind] and comes_first(edges, i, j, best.witness[kind])):
         best.least[kind] = clearance
-        best.witness[kind, 0], best.witness[kind, 1] = edges[i, 0], edges[i, 1]
-        best.witness[kind, 2], best.witness[kind, 3] = edges[j, 0], edges[j, 1]
+        write_pair(best.witness[kind], edges, i, j)
+
+
+@njit(cache=True, nogil=True)
+def write_pair(witness: IntArray, edges: IntArray, i: int, j: int) -> None:
+    """Write the four vertices of a pair of edges, the edge with the lower vertex first."""
+    first, second = (i, j) if edges[i, 0] <= edges[j, 0] else (j, i)
+    witness[0], witness[1] = edges[first, 0], edges[first, 1]
+    witness[2], witness[3] = edges[second, 0], edges[second, 1]
+
+
+@njit(cache=True, nogil=True)
+def comes_first(edges: IntArray, i: int, j: int, witness: IntArray) -> bool:
+    """Return whether a pair comes before the witness; so a tie is settled by the pairs, not by the order of search."""
+    low, high = min(edges[i, 0], edges[j, 0]), max(edges[i, 0], edges[j, 0])
+    return low < witness[0] or (low == witness[0] and high < witness[2])
 
 
 @njit(cache=True, nogil=True)
 def keep_nu(
-    first: IntArray,
-    second: IntArray,
+    edges: IntArray,
+    i: int,
+    j: int,
     kind: int,
     near0: float,
     near1: float,
@@ -374,20 +424,20 @@ def keep_nu(
     best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0)
     best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1)
     best.values[NU1] = min(best.values[NU1], near1)
-    if near0 < best.values[NU0]:
+    if near0 < best.values[NU0] or (near0 == best.values[NU0] and comes_first(edges, i, j, best.nu_witness)):
         best.values[NU0] = near0
         best.nu_class[0] = kind
-        best.nu_witness[:2], best.nu_witness[2:] = first, second
+        write_pair(best.nu_witness, edges, i, j)
 
 
 @njit(cache=True, nogil=True)
-def keep_ratio(first: IntArray, second: IntArray, rho: float, low0: float, low1: float, best: Extremes) -> None:
+def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: float, best: Extremes) -> None:
     """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
     apart = low0 + low1
     ratio = rho / apart if apart > 0.0 else np.inf
-    if ratio > best.values[RATIO]:
+    if ratio > best.values[RATIO] or (ratio == best.values[RATIO] and comes_first(edges, i, j, best.ratio_witness)):
         best.values[RATIO] = ratio
-        best.ratio_witness[:2], best.ratio_witness[2:] = first, second
+        write_pair(best.ratio_witness, edges, i, j)
 
 
 @njit(cache=True, nogil=True)
@@ -431,6 +481,7 @@ def climb_pairs(
     trace: IntArray,
     spheres: Spheres,
     slack: float,
+    placing: float,
     best: Extremes,
 ) -> float:
     """Climb a list of pairs, and return the greatest drift of an image among them, Å.
@@ -440,6 +491,7 @@ def climb_pairs(
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
+    moves, image_move = spheres.motion, 0.0
     values, least, rung_pairs = best.values, best.least, best.rung_pairs
     greatest_drift, image, kind = 0.0, (0, 0, 0), 0
     for k in range(len(pairs)):
@@ -451,27 +503,34 @@ def climb_pairs(
             if image != (0, 0, 0):
                 shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
                 centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
-                greatest_drift = max(greatest_drift, norm(subtract(shift1, shift0)))
+                image_move = norm(subtract(shift1, shift0))
+                greatest_drift = max(greatest_drift, image_move)
             elif are_neighbours(i, j, following):
                 continue
+            else:
+                image_move = 0.0
         f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        nearest = max(least[kind], max(values[NU0], values[NU1]))
+        moved = moves[i] + moves[j] + image_move + slack
+        if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, nearest, values[RATIO], slack):
+            continue
         gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
-        nu0, nu1, ratio = values[NU0_PROVEN], values[NU1_PROVEN], values[RATIO]
+        nu0, nu1, ratio = values[NU0], values[NU1], values[RATIO]
         idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
         if not idle:
             rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
             low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
             low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
             idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
-        if idle:
-            rung_pairs[BROAD_PHASE if gap > 0.0 else RELATIVE_MOTION] += 1
-        else:
-            settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, slack, best)
+        if idle and not gap > 0.0:
+            rung_pairs[RELATIVE_MOTION] += 1
+        elif not idle:
+            settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, placing, best)
     return greatest_drift
 
 
 @njit(cache=True, nogil=True)
-def meet_end_terms(motion: StepMotion, end_terms: IntArray, best: Extremes) -> None:
+def meet_end_terms(motion: StepMotion, end_terms: IntArray, placing: float, best: Extremes) -> None:
     """Take the end terms into ν: a vertex against its neighbour, or against the neighbour's edge.
 
     They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and nothing passes.
@@ -483,8 +542,8 @@ def meet_end_terms(motion: StepMotion, end_terms: IntArray, best: Extremes) -> N
         near0, near1 = norm(n0), norm(n1)
         low0 = dual_bound(n0, row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
         low1 = dual_bound(n1, row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
-        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0)
-        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1)
+        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0 - placing)
+        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1 - placing)
         best.values[NU1] = min(best.values[NU1], near1)
         if near0 < best.values[NU0]:
             best.values[NU0], best.nu_class[0] = near0, 0
@@ -509,6 +568,7 @@ def measure_step(
     trace: IntArray,
     local_pairs: IntArray,
     end_terms: IntArray,
+    likely_reach: float,
 ) -> StepMeasure:
     """Return margins, ratios, clearances and rungs of one step.
 
@@ -520,31 +580,41 @@ def measure_step(
         Whether there are images.
     edges, following, trace, local_pairs, end_terms : ndarray of int
         See `mdtopo.records.Traces`.
+    likely_reach : float
+        How far the search had to go in a step like this one, Å; a good guess saves time and changes nothing else.
 
     Guarantee
     ---------
     Proven: if the rung is not OPEN, no two edges that do not share a vertex meet at any time of the step, in any image.
     """
     displacement, vertex = greatest_displacement(motion.x0, motion.x1)
-    slack = PLACING_ERROR * greatest_coordinate(motion) + LEAST_SLACK
+    slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
+    placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
     spheres = spheres_of(motion, edges)
     local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
-    climb_pairs(local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, local)
-    meet_end_terms(motion, end_terms, local)
+    climb_pairs(local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, placing, local)
+    meet_end_terms(motion, end_terms, placing, local)
     has_self, has_inter = has_pairs(trace, following, periodic)
     edge_length = mean_edge_length(spheres)
     widest = WIDEST_REACH * edge_length
-    reach, drift, best = min(FIRST_REACH * local.values[NU0], edge_length), 0.0, local
+    drift, best = 0.0, local
+    reach = max(min(FIRST_REACH * local.values[NU0], edge_length), min(SPARE_REACH * likely_reach, widest))
+    wanted, countable = 0.0, True
     while len(edges) > 0:
         radii = padded_radii(spheres, reach, slack)
-        pairs, images = candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
+        pairs, images, countable = candidate_pairs(
+            spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic
+        )
+        if not countable:
+            break
         best = copy_extremes(local)
-        drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, best)
+        drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, placing, best)
         wanted = max(best.least[1] if has_self else 0.0, best.least[2] if has_inter else 0.0)
         if wanted <= reach or reach >= widest:
             break
         reach = min(min(wanted, 2.0 * reach + 0.1 * edge_length), widest)
-    return conclude(best, displacement, vertex, drift, reach, has_self, has_inter)
+    needed = min(wanted, reach)
+    return conclude(best, displacement, vertex, drift, placing, reach, needed, countable, has_self, has_inter)
 
 
 @njit(cache=True, nogil=True)
@@ -600,14 +670,17 @@ def conclude(
     displacement: float,
     vertex: int,
     drift: float,
+    placing: float,
     reach: float,
+    needed: float,
+    countable: bool,
     has_self: bool,
     has_inter: bool,
 ) -> StepMeasure:
     """Return the step's measure: the ball rungs, the rung of the step, and clearances capped at what was searched."""
     counts = best.rung_pairs.copy()
     clearances, witness = best.least.copy(), best.witness.copy()
-    moved = displacement * (1.0 + 8.0 * UNIT_ROUNDOFF)
+    moved = displacement * (1.0 + 8.0 * UNIT_ROUNDOFF) + placing
     drift *= 1.0 + 8.0 * UNIT_ROUNDOFF
     ball = best.values[NU0_PROVEN] - 2.0 * moved - drift
     two_frame_ball = 0.5 * (best.values[NU0_PROVEN] + best.values[NU1_PROVEN] - 2.0 * moved - drift)
@@ -617,13 +690,11 @@ def conclude(
             rung = k
     if max(ball, two_frame_ball) > 0.0:
         rung = BALL if ball > 0.0 else TWO_FRAME_BALL
-        total = 0
-        for k in range(N_RUNGS):
-            total += counts[k]
-            counts[k] = 0
-        counts[rung] = total
         for kind in range(3):
             clearances[kind] = max(clearances[kind], max(ball, two_frame_ball))
+    if not countable:
+        rung = OPEN
+        clearances[:] = 0.0
     for kind in range(1, 3):
         clearances[kind] = min(clearances[kind], reach)
     if not has_self:
@@ -645,4 +716,6 @@ def conclude(
         witness,
         counts,
         rung,
+        needed,
+        countable,
     )

@@ -50,7 +50,7 @@ def _measure_part(part: Stretch, measurable: Flags, periodic: bool, rigid: bool,
     if rigid:
         # about each strand's own centre where the image of a strand is arbitrary, else about the common one
         groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
-        rotations = best_rotations(covariances(part.frames.positions, measurable, t.vertices, groups))
+        rotations = best_rotations(*covariances(part.frames.positions, measurable, t.vertices, groups))
     rows = columns.part(part.steps)
     rows.angle[:] = rotation_angles(rotations)
     measure_steps(

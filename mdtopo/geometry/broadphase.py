@@ -19,8 +19,11 @@ from mdtopo.geometry.lattice import (
 )
 from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 
-CELLS_PER_SPHERE = 4
+CELLS_PER_SPHERE = 8
 """The grid is coarsened beyond this many cells per sphere, so that memory follows the number of spheres, not space."""
+
+SLICES = 4
+"""Cells are cut this fine along x, where neighbours lie in a row in memory and a finer range of them costs nothing."""
 
 OVERLAP_GUARD = 1.0 + 1e-12
 """Radii are enlarged by this factor: no pair is lost to rounding of a centre, a radius or a cell index."""
@@ -30,6 +33,9 @@ GRID_GUARD = 1.0 + 1e-9
 
 MAX_CELL_DRIFT = 0.8
 """Beyond this the linear path between two cells comes near a cell without volume, and images cannot be counted."""
+
+FURTHEST_IMAGE = 6.0
+"""Cells. Where spheres could reach further, as when a cell turns far in one step, their images are too many to list."""
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -43,7 +49,7 @@ def candidate_pairs(
     cell0: FloatArray,
     cell1: FloatArray,
     periodic: bool,
-) -> tuple[IntArray, IntArray]:
+) -> tuple[IntArray, IntArray, bool]:
     """Return every pair of linearly moving spheres that may overlap during the step, periodic images included.
 
     Parameters
@@ -63,10 +69,12 @@ def candidate_pairs(
         Sphere indices, the first one in the home image.
     images : ndarray of int, shape (k, 3)
         Lattice counts of the second sphere; all 0 without a cell.
+    complete : bool
+        False where images further than `FURTHEST_IMAGE` cells away might be met; the lists are then empty.
 
     Guarantee
     ---------
-    Conservative: no pair, in no image, that overlaps at some time is missing; each appears once. A pair of the list
+    Conservative: if complete, no pair, in no image, that overlaps at some time is missing; each appears once. A pair of the list
     need not overlap: each sphere stands for all that it sweeps.
     """
     m = len(radii)
@@ -74,6 +82,8 @@ def candidate_pairs(
     basis0, basis1 = basis_of(cell0), basis_of(cell1)
     if periodic and images_can_meet(mid0, mid1, radii, basis0, basis1):
         source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
+    if len(source) < m:
+        return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
     order, starts, shape = _bin(spheres)
     found, count = _scan(order, starts, shape, spheres[order], m)
@@ -83,7 +93,7 @@ def candidate_pairs(
         pairs[k, 0], pairs[k, 1] = source[first], source[second]
         for axis in range(3):
             shifts[k, axis] = images[second, axis] - images[first, axis]
-    return pairs, shifts
+    return pairs, shifts, True
 
 
 @njit(cache=True, nogil=True)
@@ -183,10 +193,13 @@ def _with_ghosts(
         places[i, 3] = size
         largest = max(largest, size)
     drift = cell_drift(basis0, basis1)
-    blur = (1.0 + 2.0 * largest * thin) / (1.0 - drift) * drift + 1e-9  # drift of the image, and rounding of f
     count, capacity = m, 2 * m + 64
     source, images = np.empty(capacity, dtype=np.int64), np.empty((capacity, 3), dtype=np.int64)
     source[:m], images[:m] = np.arange(m), home
+    furthest = (1.0 + 2.0 * largest * thin) / (1.0 - drift)
+    if not furthest <= FURTHEST_IMAGE:
+        return source[:0], images[:0]
+    blur = furthest * drift + 1e-9  # drift of the image, and rounding of f
     for i in range(m):
         x, y, z, size = places[i, 0], places[i, 1], places[i, 2], places[i, 3] + largest
         reach = (size * heights[0] + blur, size * heights[1] + blur, size * heights[2] + blur)
@@ -254,12 +267,12 @@ def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
         largest = max(largest, spheres[i, 3])
     extent, width = subtract(high, low), max(2.0 * largest * GRID_GUARD, 1e-300)
     limit = CELLS_PER_SPHERE * n + 64
-    while (extent[0] // width + 1.0) * (extent[1] // width + 1.0) * (extent[2] // width + 1.0) > limit:
+    while (extent[0] // (width / SLICES) + 1.0) * (extent[1] // width + 1.0) * (extent[2] // width + 1.0) > limit:
         width *= 1.26  # doubles the volume of a cell
-    nx, ny, nz = int(extent[0] // width) + 1, int(extent[1] // width) + 1, int(extent[2] // width) + 1
+    nx, ny, nz = int(extent[0] // (width / SLICES)) + 1, int(extent[1] // width) + 1, int(extent[2] // width) + 1
     cell_of, starts = np.empty(n, dtype=np.int64), np.zeros(nx * ny * nz + 1, dtype=np.int64)
     for i in range(n):
-        a = min(int((spheres[i, 0] - low[0]) / width), nx - 1)
+        a = min(int((spheres[i, 0] - low[0]) / (width / SLICES)), nx - 1)
         b = min(int((spheres[i, 1] - low[1]) / width), ny - 1)
         c = min(int((spheres[i, 2] - low[2]) / width), nz - 1)
         cell_of[i] = (c * ny + b) * nx + a
@@ -286,7 +299,7 @@ def _scan(order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray,
         if begin == end:
             continue
         a, b, c = cell % nx, (cell // nx) % ny, cell // (nx * ny)
-        left, right = max(a - 1, 0), min(a + 2, nx)
+        left, right = max(a - SLICES, 0), min(a + SLICES + 1, nx)
         for other_c in range(c, min(c + 2, nz)):
             for other_b in range(b if other_c == c else max(b - 1, 0), min(b + 2, ny)):
                 first_cell = (other_c * ny + other_b) * nx

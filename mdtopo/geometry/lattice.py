@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.geometry.vectors import Vector, add, cross, dot, row, scale, subtract
+from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
 
 Basis: TypeAlias = tuple[Vector, Vector, Vector]
 Counts: TypeAlias = tuple[int, int, int]
@@ -71,6 +71,12 @@ def inverse_heights(inverse: Basis) -> Vector:
         np.sqrt(x[1] * x[1] + y[1] * y[1] + z[1] * z[1]),
         np.sqrt(x[2] * x[2] + y[2] * y[2] + z[2] * z[2]),
     )
+
+
+@njit(cache=True, nogil=True)
+def total_length(basis: Basis) -> float:
+    """Return the summed lengths of the basis vectors; counts up to n give no combination longer than n times that."""
+    return norm(basis[0]) + norm(basis[1]) + norm(basis[2])
 
 
 @njit(cache=True, nogil=True)
@@ -151,10 +157,12 @@ def nearest_image(v: Vector, basis: Basis, inverse: Basis) -> Counts:
     inverse : Basis
         Its inverse.
     """
+    if 4.0 * dot(v, v) < dot(basis[0], basis[0]):  # within half the shortest vector nothing can be nearer
+        return 0, 0, 0
     f = nearest_integers(combine(v, inverse))
     rounded = (-f[0], -f[1], -f[2])
     best = add(v, lattice_vector(rounded, basis))
-    if 4.0 * dot(best, best) < dot(basis[0], basis[0]):  # within half the shortest vector nothing can be nearer
+    if 4.0 * dot(best, best) < dot(basis[0], basis[0]):
         return rounded
     counts, least = rounded, dot(best, best)
     for i in range(-1, 2):

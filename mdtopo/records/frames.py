@@ -35,8 +35,8 @@ class Frame:
     @property
     def problem(self) -> str:
         """Why the frame cannot be used, in words; empty where it can."""
-        bad = np.flatnonzero(~(np.abs(self.positions) <= LARGEST_COORDINATE).all(axis=1))
-        if len(bad):
+        if not np.abs(self.positions).max(initial=0.0) <= LARGEST_COORDINATE:  # also where it is NaN
+            bad = np.flatnonzero(~(np.abs(self.positions) <= LARGEST_COORDINATE).all(axis=1))
             count = "1 vertex has" if len(bad) == 1 else f"{len(bad)} vertices have"
             value = self.positions[bad[0]].tolist()
             return f"{count} a coordinate that is not finite or beyond 1e12 Å (the first is vertex {bad[0]}: {value})"

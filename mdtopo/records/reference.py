@@ -14,7 +14,7 @@ class ReferenceLengths:
     lengths : ndarray, shape (n_edges,)
         Median length of each edge over the reference frames, Å.
     median, spread : float
-        Median and standard deviation of all edges in all reference frames together, Å.
+        Median and spread (half the width of the middle 68 %) of all edges in all reference frames together, Å.
     n_frames : int
         How many frames they come from.
     """

@@ -183,7 +183,10 @@ class StepTable:
     rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)
     reason: Codes = _column("", "why the step is UNRESOLVED", Reason)
     rung_pairs: Indices = _column(
-        "", "candidate pairs settled by each rung; the last is open, shape (n, 9)", shape=(len(Rung),), dtype=np.int64
+        "",
+        "pairs that the broad phase left, by the rung that settles them; the last is open, shape (n, 9)",
+        shape=(len(Rung),),
+        dtype=np.int64,
     )
 
     def __len__(self) -> int:

@@ -147,9 +147,9 @@ def exact_motion(step: Periodic, strands: Strands) -> tuple[ExactRows, ExactRows
     combinations of lattice vectors its reduced cells are.
     """
     t = Traces.of(strands)
-    whole0, reduced0, _ = whole_strands(step.x0, step.cell0, t.vertices, t.offsets, t.closed)
-    whole1, reduced1, _ = whole_strands(step.x1, step.cell1, t.vertices, t.offsets, t.closed)
-    motion = step_motion(whole0, whole1, reduced0, reduced1, True, False, np.eye(3), t.vertices, t.offsets)
+    whole0, reduced0, *_ = whole_strands(step.x0, step.cell0, t.vertices, t.offsets, t.closed)
+    whole1, reduced1, *_ = whole_strands(step.x1, step.cell1, t.vertices, t.offsets, t.closed)
+    motion = step_motion(whole0, whole1, reduced0, reduced1, 0.0, True, False, np.eye(3), t.vertices, t.offsets)
     return (
         shifted(step.x0, counts(motion.x0 - step.x0, step.cell0), step.cell0),
         shifted(step.x1, counts(motion.x1 - step.x1, step.cell1), step.cell1),

@@ -109,10 +109,11 @@ def rigid_motions(rng: Generator, x0: Points, x1: Points) -> Motions:
     group = np.array([0, 4])
     turned = np.empty_like(x1)
     for k in range(len(x0)):
-        rotation = best_rotations(covariance(x0[k], x1[k], t.vertices, group)[np.newaxis])[0]
+        correlation, size = covariance(x0[k], x1[k], t.vertices, group)
+        rotation = best_rotations(correlation[np.newaxis], np.array([size]))[0]
         zero = np.zeros((3, 3))
         motion = step_motion(
-            x0[k], x1[k], zero, zero, False, True, np.ascontiguousarray(rotation), t.vertices, t.offsets
+            x0[k], x1[k], zero, zero, 0.0, False, True, np.ascontiguousarray(rotation), t.vertices, t.offsets
         )
         turned[k] = motion.x1
     return x0, turned

@@ -44,9 +44,7 @@ from mdtopo.store.schema import ALERTS, CHUNK_ROWS, column_dtype
 
 ROOT = Path(__file__).parents[2]
 CONFIG = MonitorConfig(motion="lab", near_limit=0.7)
-PROVENANCE = Provenance(
-    {"python": "3.11"}, ("mdtopo", "monitor"), (), "node7", 4, "2025-01-01T00:00:00+00:00"
-)
+PROVENANCE = Provenance({"python": "3.11"}, ("mdtopo", "monitor"), (), "node7", 4, "2025-01-01T00:00:00+00:00")
 STRANDS = Strands(
     offsets=np.array([0, 2, 5]),
     closed=np.array([False, True]),
@@ -234,9 +232,7 @@ def test_a_file_without_steps_is_whole(tmp_path):
 
 
 def test_attributes_come_back(tmp_path):
-    many = replace(
-        PROVENANCE, argv=("part.xtc",) * 20_000
-    )  # beyond the 64 KiB that HDF5 keeps in an object header
+    many = replace(PROVENANCE, argv=("part.xtc",) * 20_000)  # beyond the 64 KiB that HDF5 keeps in an object header
     with ResultsWriter.create(tmp_path / "run.h5", STRANDS, CONFIG, many) as results:
         results.finish({"crossed": 2, "results": Path("run.h5")})
     found = read_results(tmp_path / "run.h5")
@@ -259,9 +255,7 @@ def test_chosen_columns_alone_are_read(tmp_path):
 def test_blocks_of_any_size_give_the_same_rows(tmp_path_factory, sizes):
     directory = tmp_path_factory.mktemp("blocks")
     starts = np.cumsum([0, *sizes])
-    tables = [
-        step_table(n, first_step=int(s), seed=k) for k, (n, s) in enumerate(zip(sizes, starts, strict=False))
-    ]
+    tables = [step_table(n, first_step=int(s), seed=k) for k, (n, s) in enumerate(zip(sizes, starts, strict=False))]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(columns, "CHUNK_ROWS", 16)
         found = read_results(write(directory / "run.h5", *tables))

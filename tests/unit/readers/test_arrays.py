@@ -139,9 +139,7 @@ def test_takes_one_npz_file_or_an_array(tmp_path):
 def test_a_negative_step_reads_backwards(tmp_path):
     with open_stored(tmp_path) as reader:
         assert [frame.index for frame in reader.frames(None, None, -2)] == [4, 2, 0]
-        assert all(
-            np.array_equal(frame.positions, POSITIONS[frame.index]) for frame in reader.frames(3, 0, -1)
-        )
+        assert all(np.array_equal(frame.positions, POSITIONS[frame.index]) for frame in reader.frames(3, 0, -1))
 
 
 @given(st.slices(N_FRAMES))
@@ -226,9 +224,7 @@ class Bomb:
 @pytest.mark.parametrize("key", ["positions", "offsets", "names"])
 def test_objects_are_never_unpickled(tmp_path, key):
     np.savez(tmp_path / "run.npz", **arrays(**{key: np.array([Bomb(), Bomb()], dtype=object)}))
-    with pytest.raises(
-        InputError, match=f"'{key}' of .*run.npz holds Python objects, which are never loaded"
-    ):
+    with pytest.raises(InputError, match=f"'{key}' of .*run.npz holds Python objects, which are never loaded"):
         open_file(tmp_path / "run.npz")
 
 
@@ -353,13 +349,9 @@ def test_the_coordinate_error_is_what_float32_rounds():
     greatest[1, 3, 1] = -100.0
     assert open_array(greatest).coordinate_error == 0.0
     assert open_array(greatest.astype(np.int64)).coordinate_error == 0.0
-    assert open_array(greatest.astype(np.float32)).coordinate_error == pytest.approx(
-        3**0.5 * 2.0**-18, rel=1e-12
-    )
+    assert open_array(greatest.astype(np.float32)).coordinate_error == pytest.approx(3**0.5 * 2.0**-18, rel=1e-12)
     greatest[0, 0, 0] = np.inf
-    assert open_array(greatest.astype(np.float32)).coordinate_error == pytest.approx(
-        3**0.5 * 2.0**-18, rel=1e-12
-    )
+    assert open_array(greatest.astype(np.float32)).coordinate_error == pytest.approx(3**0.5 * 2.0**-18, rel=1e-12)
 
 
 @given(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(-1e6, 1e6))

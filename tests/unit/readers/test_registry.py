@@ -240,9 +240,7 @@ def test_a_broken_plugin_that_is_named_says_why(site):
 
 
 def test_a_plugin_that_fails_when_asked_is_passed_over(site, table, caplog):
-    code = (
-        PLUGIN.format(name="BrokenReader", suffix="x") + "    BrokenReader.can_open = lambda source: 1 / 0\n"
-    )
+    code = PLUGIN.format(name="BrokenReader", suffix="x") + "    BrokenReader.can_open = lambda source: 1 / 0\n"
     site.broken_reader(code=textwrap.dedent(code).replace("    BrokenReader.can", "BrokenReader.can"))
     site.table_reader()
     with open_plain(table) as reader:
@@ -303,9 +301,7 @@ def test_an_unknown_format_lists_what_is_installed(site, tmp_path):
 
 
 def test_an_unknown_reader_lists_the_names(table):
-    with pytest.raises(
-        OptionError, match=r"No installed reader is called 'array'; there are: arrays, .*mdanalysis"
-    ):
+    with pytest.raises(OptionError, match=r"No installed reader is called 'array'; there are: arrays, .*mdanalysis"):
         open_plain(table, reader="array")
 
 
@@ -320,9 +316,7 @@ def test_an_unknown_option_lists_the_options(site, table):
 def test_an_import_that_fails_while_opening(site, table):
     site.table_reader()
     (module := site.folder / "mdtopo_table_plugin.py").write_text(
-        module.read_text().replace(
-            "        return cls(", "        import nowhere_to_be_found\n        return cls("
-        )
+        module.read_text().replace("        return cls(", "        import nowhere_to_be_found\n        return cls(")
     )
     with pytest.raises(MissingDependencyError, match=r"cannot open .*run.table.*nowhere_to_be_found"):
         open_plain(table)

@@ -1,0 +1,66 @@
+"""Systems that the benchmarks make: compact chains, and trajectories of them with or without other atoms around."""
+
+from pathlib import Path
+
+import MDAnalysis
+import numpy as np
+from MDAnalysis.coordinates.memory import MemoryReader
+from numpy.typing import NDArray
+
+BOND = 3.8
+"""Å, as between CA atoms."""
+
+STRAND_SPACING, SHEET_SPACING = 4.8, 7.4
+"""Å, between neighbouring strands and between sheets: with BOND a residue has 135 Å³, as in folded proteins."""
+
+
+def compact_chain(n: int) -> NDArray[np.float64]:
+    """Return a chain of n vertices that fills a cube like a protein made of sheets, shape (n, 3), Å.
+
+    It runs to and fro within a sheet, and from sheet to sheet, and never comes near itself; the bonds at its turns are
+    as long as the spacings.
+    """
+    along = max(2, round((n * STRAND_SPACING * SHEET_SPACING / BOND**2) ** (1.0 / 3.0)))
+    across = max(2, round(along * BOND / STRAND_SPACING))
+    index = np.arange(n)
+    row, place = index // along, index % along
+    sheet, strand = row // across, row % across
+    x = np.where(row % 2 == 0, place, along - 1 - place) * BOND
+    y = np.where(sheet % 2 == 0, strand, across - 1 - strand) * STRAND_SPACING
+    return np.stack([x, y, sheet * SHEET_SPACING], axis=1).astype(np.float64)
+
+
+def jiggled(chain: NDArray[np.float64], n_frames: int, step: float, seed: int = 2) -> NDArray[np.float32]:
+    """Return frames in which every vertex moves by about `step` Å at random from one to the next, near its place."""
+    rng = np.random.default_rng(seed)
+    frames = np.empty((n_frames, *chain.shape), dtype=np.float32)
+    away = np.zeros(chain.shape)
+    for k in range(n_frames):
+        away = 0.9 * away + rng.normal(scale=step / np.sqrt(3.0), size=chain.shape)
+        frames[k] = chain + away
+    return frames
+
+
+def write_trajectory(folder: Path, n_backbone: int, n_atoms: int, n_frames: int) -> tuple[Path, Path]:
+    """Write a PDB-like GRO topology and an XTC: CA backbone atoms first, water oxygens around; return their paths."""
+    chain = compact_chain(n_backbone)
+    frames = jiggled(chain, n_frames, step=0.5)
+    rng = np.random.default_rng(3)
+    n_water = n_atoms - n_backbone
+    edge = max(200.0, (n_atoms * 10.0) ** (1.0 / 3.0))
+    water = rng.uniform(0.0, edge, size=(n_water, 3))
+    universe = MDAnalysis.Universe.empty(n_atoms, n_residues=n_atoms, atom_resindex=np.arange(n_atoms), trajectory=True)
+    universe.add_TopologyAttr("names", ["CA"] * n_backbone + ["OW"] * n_water)
+    universe.add_TopologyAttr("resnames", ["ALA"] * n_backbone + ["SOL"] * n_water)
+    universe.add_TopologyAttr("resids", (np.arange(n_atoms) % 99_999) + 1)
+    topology, trajectory = folder / f"system_{n_atoms}.gro", folder / f"system_{n_atoms}.xtc"
+    universe.load_new(np.concatenate([chain + edge / 4, water])[np.newaxis], format=MemoryReader)
+    universe.dimensions = [edge, edge, edge, 90.0, 90.0, 90.0]
+    universe.atoms.write(str(topology))
+    with MDAnalysis.Writer(str(trajectory), n_atoms=n_atoms) as writer:
+        for k in range(n_frames):
+            moved = water + rng.normal(scale=0.5, size=water.shape)
+            universe.atoms.positions = np.concatenate([frames[k] + edge / 4, moved])
+            universe.trajectory.ts.time = universe.trajectory.ts.data["time"] = float(k)
+            writer.write(universe.atoms)
+    return topology, trajectory
