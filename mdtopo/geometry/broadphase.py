@@ -74,8 +74,8 @@ def candidate_pairs(
 
     Guarantee
     ---------
-    Conservative: if complete, no pair, in no image, that overlaps at some time is missing; each appears once. A pair of the list
-    need not overlap: each sphere stands for all that it sweeps.
+    Conservative: if complete, no pair, in no image, that overlaps at some time is missing; each appears once. A pair
+    of the list need not overlap: each sphere stands for all that it sweeps.
     """
     m = len(radii)
     source, images = np.arange(m), np.zeros((m, 3), dtype=np.int64)
