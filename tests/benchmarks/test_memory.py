@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-import systems
+import benchmark_systems as systems
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.filterwarnings("default")]
 

@@ -1,4 +1,4 @@
-"""How much longer does a monitored run take than reading the same frames? Run with ``pytest -m benchmark -s``.
+"""How much longer is a monitored run than reading the same frames? Run with ``pytest -m benchmark -s``.
 
 The machine may be noisy, so the two are timed in turn and their ratio is printed, the least of each; nothing is asserted
 about time.
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import MDAnalysis
 import pytest
-import systems
+import benchmark_systems as systems
 
 import mdtopo
 
