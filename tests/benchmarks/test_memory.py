@@ -5,8 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
 import benchmark_systems as systems
+import pytest
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.filterwarnings("default")]
 

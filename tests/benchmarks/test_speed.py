@@ -1,4 +1,4 @@
-"""How much longer is a monitored run than reading the same frames? Run with ``pytest -m benchmark -s``.
+"""How long a monitored run takes beside reading the same frames. Run with ``pytest -m benchmark -s``.
 
 The machine may be noisy, so the two are timed in turn and their ratio is printed, the least of each; nothing is asserted
 about time.
@@ -11,9 +11,9 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import benchmark_systems as systems
 import MDAnalysis
 import pytest
-import benchmark_systems as systems
 
 import mdtopo
 
