@@ -93,7 +93,7 @@ def open_files(source: Source, options: Options) -> Opened:
         _refuse_unknown(path, options.format, is_topology=False)
     universe = _loaded_topology(topology, parts, options)
     if parts:
-        _load_trajectory(universe, parts, options)
+        _load_trajectory(universe, topology, parts, options)
     elif getattr(universe, "trajectory", None) is None:
         raise InputError(f"{topology} holds no coordinates; pass a trajectory file after it.")
     if options.guess_bonds:
@@ -129,18 +129,22 @@ def _refuse_unknown(path: Path, name: str | None, *, is_topology: bool) -> None:
 
 def _loaded_topology(topology: Path, parts: Sequence[Path], options: Options) -> Any:
     import MDAnalysis
+    from MDAnalysis.core._get_readers import get_parser_for
 
-    chosen = options.chosen("topology_format", "atom_style")
-    if not parts:  # the topology file is the trajectory as well
-        chosen |= _trajectory_options(options) | options.chosen("format")
     try:
         with mdanalysis_call(str(topology)):
-            return MDAnalysis.Universe(str(topology), **chosen)
+            if not parts:  # the topology file is the trajectory as well
+                chosen = options.chosen("topology_format", "atom_style", "format")
+                return MDAnalysis.Universe(str(topology), **chosen, **_trajectory_options(options))
+            # parsed apart, because a Universe would read the coordinates of the file too
+            parser = get_parser_for(str(topology), format=options.topology_format)
+            with parser(str(topology)) as file:
+                return MDAnalysis.Universe(file.parse(**options.chosen("atom_style")))
     except Exception as error:
         _refuse(error, f"{topology} cannot be read as a topology", InputError)
 
 
-def _load_trajectory(universe: Any, parts: Sequence[Path], options: Options) -> None:
+def _load_trajectory(universe: Any, topology: Path, parts: Sequence[Path], options: Options) -> None:
     chosen = _trajectory_options(options)
     names = [str(path) for path in parts]
     several: Any = [(name, options.format) for name in names] if options.format else names
@@ -154,7 +158,7 @@ def _load_trajectory(universe: Any, parts: Sequence[Path], options: Options) -> 
             else:
                 universe.load_new(names[0], format=options.format, **chosen)
     except Exception as error:
-        _refuse_counts(error, universe, parts, options.format)
+        _refuse_counts(error, len(universe.atoms), topology, parts, options.format)
         _refuse(error, f"{title} cannot be read as a trajectory", TrajectoryError)
 
 
@@ -171,14 +175,13 @@ def _trajectory_options(options: Options) -> dict[str, Any]:
     return chosen if options.convert_units else {**chosen, "convert_units": False}
 
 
-def _refuse_counts(error: Exception, universe: Any, parts: Sequence[Path], name: str | None) -> None:
+def _refuse_counts(error: Exception, expected: int, topology: Path, parts: Sequence[Path], name: str | None) -> None:
     """Raise with both numbers of atoms if a part's differs from the topology's."""
-    expected = len(universe.atoms)
     for path in parts:
         found = _count_atoms(path, name)
         if found not in (None, expected):
             raise TrajectoryError(
-                f"{path} has {found} atoms, but the topology {universe.filename} has {expected}; "
+                f"{path} has {found} atoms, but the topology {topology} has {expected}; "
                 "pass the topology that the trajectory was written with."
             ) from error
 
