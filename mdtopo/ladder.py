@@ -65,7 +65,7 @@ NEARLY_PARALLEL = 1e-6
 FIRST_REACH = 1.2
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
-SPARE_REACH = 1.05
+SPARE_REACH = 1.3
 """And this much further than the step before had to look, which spares most steps a second search."""
 
 PLACING_ERROR = 64.0 * UNIT_ROUNDOFF

@@ -22,12 +22,15 @@ def compact_chain(n: int) -> NDArray[np.float64]:
     """
     along = max(2, round((n * STRAND_SPACING * SHEET_SPACING / BOND**2) ** (1.0 / 3.0)))
     across = max(2, round(along * BOND / STRAND_SPACING))
-    index = np.arange(n)
-    row, place = index // along, index % along
-    sheet, strand = row // across, row % across
-    x = np.where(row % 2 == 0, place, along - 1 - place) * BOND
-    y = np.where(sheet % 2 == 0, strand, across - 1 - strand) * STRAND_SPACING
-    return np.stack([x, y, sheet * SHEET_SPACING], axis=1).astype(np.float64)
+    chain = np.empty((n, 3))
+    for i in range(n):
+        sheet, within = divmod(i, along * across + 1)  # the last one lies halfway to the next sheet
+        strand, place = divmod(min(within, along * across - 1), along)
+        up_sheet, up_strand = sheet % 2 == 0, (strand + sheet * across) % 2 == 0
+        x = (place if up_strand else along - 1 - place) * BOND
+        y = (strand if up_sheet else across - 1 - strand) * STRAND_SPACING
+        chain[i] = x, y, (sheet + 0.5 * (within == along * across)) * SHEET_SPACING
+    return chain
 
 
 def jiggled(chain: NDArray[np.float64], n_frames: int, step: float, seed: int = 2) -> NDArray[np.float32]:

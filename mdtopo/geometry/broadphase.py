@@ -22,6 +22,9 @@ from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 CELLS_PER_SPHERE = 8
 """The grid is coarsened beyond this many cells per sphere, so that memory follows the number of spheres, not space."""
 
+ORDINARY = 1.3
+"""Spheres beyond this multiple of the mean radius are large, and looked up one by one; the cells fit the others."""
+
 SLICES = 4
 """Cells are cut this fine along x, where neighbours lie in a row in memory and a finer range of them costs nothing."""
 
@@ -85,8 +88,10 @@ def candidate_pairs(
     if len(source) < m:
         return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
-    order, starts, shape = _bin(spheres)
-    found, count = _scan(order, starts, shape, spheres[order], m)
+    order, starts, shape, low, width = _bin(spheres)
+    spheres = spheres[order]
+    found, count = _scan(order, starts, shape, width, spheres, m)
+    found, count = _scan_large(order, starts, shape, low, width, spheres, m, found, count)
     pairs, shifts = np.empty((count, 2), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
@@ -253,19 +258,20 @@ def _grown_rows(values: IntArray, capacity: int) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
-    """Return the spheres sorted by grid cell (x fastest), the start of each cell, and the shape of the grid.
+def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts, Vector, float]:
+    """Return the spheres sorted by grid cell (x fastest), the start of each cell, and the grid: shape, origin, width.
 
-    A cell is as wide as two spheres that meet can be apart, so that a pair lies in the same cell or in adjacent ones.
+    Two spheres of ordinary size that meet lie in the same cell or in adjacent ones.
     """
     n = len(spheres)
-    low, high, largest = row(spheres, 0), row(spheres, 0), 0.0
+    low, high, largest, total = row(spheres, 0), row(spheres, 0), 0.0, 0.0
     for i in range(n):
         v = row(spheres, i)
         low = (min(low[0], v[0]), min(low[1], v[1]), min(low[2], v[2]))
         high = (max(high[0], v[0]), max(high[1], v[1]), max(high[2], v[2]))
-        largest = max(largest, spheres[i, 3])
-    extent, width = subtract(high, low), max(2.0 * largest * GRID_GUARD, 1e-300)
+        largest, total = max(largest, spheres[i, 3]), total + spheres[i, 3]
+    ordinary = min(largest, ORDINARY * total / n)
+    extent, width = subtract(high, low), max(2.0 * ordinary * GRID_GUARD, 1e-300)
     limit = CELLS_PER_SPHERE * n + 64
     while (extent[0] // (width / SLICES) + 1.0) * (extent[1] // width + 1.0) * (extent[2] // width + 1.0) > limit:
         width *= 1.26  # doubles the volume of a cell
@@ -283,16 +289,23 @@ def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts]:
     for i in range(n):
         order[filled[cell_of[i]]] = i
         filled[cell_of[i]] += 1
-    return order, starts, (nx, ny, nz)
+    return order, starts, (nx, ny, nz), low, width
 
 
 @njit(cache=True, nogil=True)
-def _scan(order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray, n_real: int) -> tuple[IntArray, int]:
-    """Return the overlapping pairs, lower index first, without those of two ghosts.
+def _scan(
+    order: IntArray, starts: IntArray, shape: Counts, width: float, spheres: FloatArray, n_real: int
+) -> tuple[IntArray, int]:
+    """Return the overlapping pairs of ordinary spheres, lower index first, without those of two ghosts.
 
-    Each cell meets the rest of its own row, and those of the rows beside it that come later.
+    Each cell meets the rest of its own row, and those of the rows beside it that come later. The radius of a large
+    sphere is written as NaN here, with which it meets nobody.
     """
     nx, ny, nz = shape
+    spheres = spheres.copy()
+    for p in range(len(spheres)):
+        if 2.0 * spheres[p, 3] > width:
+            spheres[p, 3] = np.nan
     found, count = np.empty((8 * len(order) + 64, 2), dtype=np.int64), 0
     for cell in range(nx * ny * nz):
         begin, end = starts[cell], starts[cell + 1]
@@ -317,6 +330,57 @@ def _scan(order: IntArray, starts: IntArray, shape: Counts, spheres: FloatArray,
                             found[count, 0], found[count, 1] = min(i, j), max(i, j)
                             count += min(i, j) < n_real
     return found, count
+
+
+@njit(cache=True, nogil=True)
+def _scan_large(
+    order: IntArray,
+    starts: IntArray,
+    shape: Counts,
+    low: Vector,
+    width: float,
+    spheres: FloatArray,
+    n_real: int,
+    found: IntArray,
+    count: int,
+) -> tuple[IntArray, int]:
+    """Add the pairs of which one sphere is large: each looks as far as it can reach, and of two the later one looks."""
+    nx, ny, nz = shape
+    largest = 0.0
+    for p in range(len(spheres)):
+        largest = max(largest, spheres[p, 3])
+    for p in range(len(spheres)):
+        x, y, z, size, i = spheres[p, 0], spheres[p, 1], spheres[p, 2], spheres[p, 3], order[p]
+        if not 2.0 * size > width:
+            continue
+        far = (size + largest) * GRID_GUARD
+        left, right = _cells_between(x - low[0], far, width / SLICES, nx)
+        first_b, last_b = _cells_between(y - low[1], far, width, ny)
+        first_c, last_c = _cells_between(z - low[2], far, width, nz)
+        for c in range(first_c, last_c + 1):
+            for b in range(first_b, last_b + 1):
+                first_cell = (c * ny + b) * nx
+                lower, upper = starts[first_cell + left], starts[first_cell + right + 1]
+                if count + upper - lower > len(found):
+                    found = _grown_rows(found, 2 * len(found) + upper - lower)
+                for q in range(lower, upper):
+                    if q >= p and 2.0 * spheres[q, 3] > width:
+                        continue
+                    u, v, w = spheres[q, 0] - x, spheres[q, 1] - y, spheres[q, 2] - z
+                    reach = size + spheres[q, 3]
+                    if u * u + v * v + w * w <= reach * reach:
+                        j = order[q]
+                        found[count, 0], found[count, 1] = min(i, j), max(i, j)
+                        count += min(i, j) < n_real
+    return found, count
+
+
+@njit(cache=True, nogil=True)
+def _cells_between(place: float, far: float, width: float, n: int) -> tuple[int, int]:
+    """Return the first and the last cell along an axis that hold points within `far` of a place."""
+    first = int(min(max(np.floor((place - far) / width), 0.0), n - 1.0))
+    last = int(min(max(np.floor((place + far) / width), 0.0), n - 1.0))
+    return first, last
 
 
 @njit(cache=True, nogil=True)
