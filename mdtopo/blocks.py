@@ -11,8 +11,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.curves import edge_lengths, step_motion, whole_strands
+from mdtopo.extremes import N_RUNGS
 from mdtopo.geometry.rigid import covariance
-from mdtopo.ladder import N_RUNGS, measure_step
+from mdtopo.ladder import measure_step
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]

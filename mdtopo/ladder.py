@@ -23,27 +23,47 @@ The numbers of a step (ν, greatest ratio, least clearance of each class) are ex
 reach. A pair is measured in full only if a cheap bound does not already show that it cannot change any of them.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
+from mdtopo.extremes import (
+    N_RUNGS,
+    NU0,
+    NU0_PROVEN,
+    NU1,
+    NU1_PROVEN,
+    RATIO,
+    Extremes,
+    comes_first,
+    copy_extremes,
+    fresh_extremes,
+    keep_nu,
+    keep_ratio,
+    write_pair,
+)
 from mdtopo.geometry.broadphase import candidate_pairs
-from mdtopo.geometry.distances import LEAST_SQUARE, UNIT_ROUNDOFF, closest_points, dual_bound
-from mdtopo.geometry.hull import hull_distance
+from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
-from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, row, scale, subtract
+from mdtopo.geometry.pairs import (
+    BOUND_ERROR,
+    cheap_bounds,
+    direction_clearance,
+    hull_clearance,
+    is_far,
+    is_idle,
+    line_bound,
+    relative_motion,
+)
+from mdtopo.geometry.vectors import add, dot, norm, row, scale, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-Corners: TypeAlias = tuple[Vector, Vector, Vector, Vector]
-"""The ends of two edges: a, b of the first and c, d of the second."""
-
-N_RUNGS = len(Rung)
 BALL, TWO_FRAME_BALL, BROAD_PHASE = int(Rung.BALL), int(Rung.TWO_FRAME_BALL), int(Rung.BROAD_PHASE)
 RELATIVE_MOTION, DIRECTION, HULL = int(Rung.RELATIVE_MOTION), int(Rung.DIRECTION), int(Rung.HULL)
 OPEN = int(Rung.OPEN)
@@ -54,13 +74,6 @@ of the two edges' greatest displacements."""
 
 WIDEST_REACH = 4.0
 """The search for a class without any pair in reach stops at this multiple of the mean edge length."""
-
-BOUND_ERROR = 1e-12
-"""Rounding of the cheap bounds, as a multiple of the lengths that enter them. The normal of two lines is wrong by at
-most a few u·|e||f|, which `NEARLY_PARALLEL` keeps below 1e-12 of its own length."""
-
-NEARLY_PARALLEL = 1e-6
-"""Squared sine under which two edges count as parallel."""
 
 FIRST_REACH = 1.2
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
@@ -134,25 +147,6 @@ class Spheres(NamedTuple):
     motion: FloatArray
 
 
-class Extremes(NamedTuple):
-    """The best values so far; every array is written in place.
-
-    `values` holds ν0, ν1 (upper bounds by closest points), proven ν0, proven ν1, greatest ratio; `least` the least
-    clearance of each class.
-    """
-
-    values: FloatArray
-    nu_witness: IntArray
-    nu_class: IntArray
-    ratio_witness: IntArray
-    least: FloatArray
-    witness: IntArray
-    rung_pairs: IntArray
-
-
-NU0, NU1, NU0_PROVEN, NU1_PROVEN, RATIO = 0, 1, 2, 3, 4
-
-
 @njit(cache=True, nogil=True)
 def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     """Return the bounding spheres of the edges, moving linearly; proven for all times, as lengths are convex in t."""
@@ -181,171 +175,6 @@ def greatest_displacement(x0: FloatArray, x1: FloatArray) -> tuple[float, int]:
         if squared > best:
             best, vertex = squared, i
     return np.sqrt(best), vertex
-
-
-@njit(cache=True, nogil=True)
-def slab_bound(w: Vector, centre: Vector, first: Vector, second: Vector) -> float:
-    """Return how far the slabs are apart, times |w|, that hold two edges across the direction w.
-
-    Parameters
-    ----------
-    w : tuple of 3 floats
-        Any direction.
-    centre : tuple of 3 floats
-        From the midpoint of the first edge to that of the second.
-    first, second : tuple of 3 floats
-        Half the edge vectors.
-    """
-    return dot(w, centre) - abs(dot(w, first)) - abs(dot(w, second))
-
-
-@njit(cache=True, nogil=True)
-def line_bound(centre: Vector, first: Vector, second: Vector) -> float:
-    """Return how far the *lines* of two edges are apart: a lower bound of the edges' distance; 0 if nearly parallel."""
-    normal = cross(first, second)
-    size = dot(normal, normal)
-    if not size > max(NEARLY_PARALLEL * dot(first, first) * dot(second, second), LEAST_SQUARE):
-        return 0.0
-    return abs(dot(normal, centre)) / np.sqrt(size)
-
-
-@njit(cache=True, nogil=True)
-def motion_bound(drift: Vector, first: Vector, second: Vector) -> float:
-    """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from midpoints; Å.
-
-    Parameters
-    ----------
-    drift : tuple of 3 floats
-        Motion of the second edge's midpoint relative to the first's.
-    first, second : tuple of 3 floats
-        Motion of the half edge vectors; the four corners move by drift ± first ± second.
-    """
-    a, b, c = dot(drift, first), dot(drift, second), dot(first, second)
-    most = max(max(a + b + c, a - b - c), max(b - a - c, c - a - b))
-    squared = dot(drift, drift) + dot(first, first) + dot(second, second) + 2.0 * most
-    return np.sqrt(max(squared, 0.0)) * (1.0 + 32.0 * UNIT_ROUNDOFF)
-
-
-@njit(cache=True, nogil=True)
-def relative_motion(start: Corners, end: Corners) -> float:
-    """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from the corners; Å.
-
-    Guarantee
-    ---------
-    Proven: never below the true value; each motion is rounded once, then each difference of two.
-    """
-    a, b = subtract(end[0], start[0]), subtract(end[1], start[1])
-    c, d = subtract(end[2], start[2]), subtract(end[3], start[3])
-    ac, ad, bc, bd = subtract(a, c), subtract(a, d), subtract(b, c), subtract(b, d)
-    squared = max(max(dot(ac, ac), dot(ad, ad)), max(dot(bc, bc), dot(bd, bd)))
-    moved = max(max(dot(a, a), dot(b, b)), max(dot(c, c), dot(d, d)))
-    return np.sqrt(squared) * (1.0 + 8.0 * UNIT_ROUNDOFF) + 8.0 * UNIT_ROUNDOFF * np.sqrt(moved)
-
-
-@njit(cache=True, nogil=True)
-def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners) -> float:
-    """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4)."""
-    best = -np.inf
-    size0, size1 = norm(n0), norm(n1)
-    middle = add(scale(1.0 / size0, n0), scale(1.0 / size1, n1)) if size0 > 0.0 and size1 > 0.0 else n0
-    for k in range(3):
-        w = n0 if k == 0 else (n1 if k == 1 else middle)
-        low0 = dual_bound(w, start[0], start[1], start[2], start[3])
-        low1 = dual_bound(w, end[0], end[1], end[2], end[3])
-        best = max(best, min(low0, low1))
-    return best
-
-
-@njit(cache=True, nogil=True)
-def hull_clearance(start: tuple[Vector, Vector, Vector, Vector], end: tuple[Vector, Vector, Vector, Vector]) -> float:
-    """Return d* of all differences of the two edges at both ends (rung 5)."""
-    points = np.empty((8, 3))
-    count = 0
-    for corners in (start, end):
-        for p in range(2):
-            for q in range(2, 4):
-                points[count, 0], points[count, 1], points[count, 2] = subtract(corners[p], corners[q])
-                count += 1
-    return hull_distance(points)
-
-
-@njit(cache=True, nogil=True)
-def cheap_bounds(
-    centre0: Vector,
-    centre1: Vector,
-    first0: Vector,
-    second0: Vector,
-    first1: Vector,
-    second1: Vector,
-    reach: float,
-    slack: float,
-) -> tuple[float, float, float, float]:
-    """Return what is known of a pair without any closest-point search.
-
-    Parameters
-    ----------
-    centre0, centre1 : tuple of 3 floats
-        From the midpoint of the first edge to that of the second, at both ends.
-    first0, second0, first1, second1 : tuple of 3 floats
-        Half edge vectors at both ends.
-    reach : float
-        Sum of the greatest half lengths.
-    slack : float
-        Rounding of the positions themselves, Å.
-
-    Returns
-    -------
-    gap : float
-        Proven lower bound of the distance at all times; useless where negative.
-    low0, low1 : float
-        Proven lower bounds of the distance at the two ends, not negative.
-    rho : float
-        Greatest relative motion of two corners, an upper bound.
-    """
-    drift, w = subtract(centre1, centre0), add(centre0, centre1)
-    rho = motion_bound(drift, subtract(first1, first0), subtract(second1, second0)) + slack
-    length = norm(w)
-    if not length * length > LEAST_SQUARE:
-        return -1.0, 0.0, 0.0, rho
-    rounding = slack + BOUND_ERROR * (length + rho + reach)
-    slab0 = slab_bound(w, centre0, first0, second0) / length - rounding
-    slab1 = slab_bound(w, centre1, first1, second1) / length - rounding
-    return min(slab0, slab1), max(slab0, 0.0), max(slab1, 0.0), rho
-
-
-@njit(cache=True, nogil=True)
-def is_far(
-    centre0: Vector,
-    centre1: Vector,
-    first0: Vector,
-    second0: Vector,
-    first1: Vector,
-    second1: Vector,
-    reach: float,
-    moved: float,
-    nearest: float,
-    ratio: float,
-    slack: float,
-) -> bool:
-    """Return whether the slabs of a pair are so far apart that it can change none of the step's extremes.
-
-    Most pairs end here, so it has one square root and no division. `moved` is an upper bound of ρ; a pair at least
-    `nearest` apart changes neither a clearance nor ν, and one whose ρ is at most 2·gap·`ratio` not the greatest ratio.
-    """
-    w = add(centre0, centre1)
-    length = norm(w)
-    start, end = slab_bound(w, centre0, first0, second0), slab_bound(w, centre1, first1, second1)
-    gap = min(start, end) - (slack + BOUND_ERROR * (length + moved + reach)) * length
-    return gap > 0.0 and gap > nearest * length and moved * length < 2.0 * gap * ratio
-
-
-@njit(cache=True, nogil=True)
-def is_idle(
-    gap: float, low0: float, low1: float, rho: float, least: float, nu0: float, nu1: float, ratio: float
-) -> bool:
-    """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
-    clearance = max(gap, 0.5 * (low0 + low1 - rho))
-    return clearance > max(least, 0.0) and low0 > nu0 and low1 > nu1 and rho < ratio * (low0 + low1)
 
 
 @njit(cache=True, nogil=True)
@@ -391,83 +220,6 @@ def settle_pair(
     if clearance < best.least[kind] or (clearance == best.least[kind] and comes_first(edges, i, j, best.witness[kind])):
         best.least[kind] = clearance
         write_pair(best.witness[kind], edges, i, j)
-
-
-@njit(cache=True, nogil=True)
-def write_pair(witness: IntArray, edges: IntArray, i: int, j: int) -> None:
-    """Write the four vertices of a pair of edges, the edge with the lower vertex first."""
-    first, second = (i, j) if edges[i, 0] <= edges[j, 0] else (j, i)
-    witness[0], witness[1] = edges[first, 0], edges[first, 1]
-    witness[2], witness[3] = edges[second, 0], edges[second, 1]
-
-
-@njit(cache=True, nogil=True)
-def comes_first(edges: IntArray, i: int, j: int, witness: IntArray) -> bool:
-    """Return whether a pair comes before the witness; so a tie is settled by the pairs, not by the order of search."""
-    low, high = min(edges[i, 0], edges[j, 0]), max(edges[i, 0], edges[j, 0])
-    return low < witness[0] or (low == witness[0] and high < witness[2])
-
-
-@njit(cache=True, nogil=True)
-def keep_nu(
-    edges: IntArray,
-    i: int,
-    j: int,
-    kind: int,
-    near0: float,
-    near1: float,
-    low0: float,
-    low1: float,
-    best: Extremes,
-) -> None:
-    """Update ν at both ends with one pair of edges."""
-    best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0)
-    best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1)
-    best.values[NU1] = min(best.values[NU1], near1)
-    if near0 < best.values[NU0] or (near0 == best.values[NU0] and comes_first(edges, i, j, best.nu_witness)):
-        best.values[NU0] = near0
-        best.nu_class[0] = kind
-        write_pair(best.nu_witness, edges, i, j)
-
-
-@njit(cache=True, nogil=True)
-def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: float, best: Extremes) -> None:
-    """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
-    apart = low0 + low1
-    ratio = rho / apart if apart > 0.0 else np.inf
-    if ratio > best.values[RATIO] or (ratio == best.values[RATIO] and comes_first(edges, i, j, best.ratio_witness)):
-        best.values[RATIO] = ratio
-        write_pair(best.ratio_witness, edges, i, j)
-
-
-@njit(cache=True, nogil=True)
-def fresh_extremes() -> Extremes:
-    """Return extremes that any pair will improve."""
-    values = np.full(5, np.inf)
-    values[RATIO] = -1.0
-    return Extremes(
-        values,
-        np.full(4, -1, dtype=np.int64),
-        np.full(1, -1, dtype=np.int64),
-        np.full(4, -1, dtype=np.int64),
-        np.full(3, np.inf),
-        np.full((3, 4), -1, dtype=np.int64),
-        np.zeros(N_RUNGS, dtype=np.int64),
-    )
-
-
-@njit(cache=True, nogil=True)
-def copy_extremes(best: Extremes) -> Extremes:
-    """Return an independent copy."""
-    return Extremes(
-        best.values.copy(),
-        best.nu_witness.copy(),
-        best.nu_class.copy(),
-        best.ratio_witness.copy(),
-        best.least.copy(),
-        best.witness.copy(),
-        best.rung_pairs.copy(),
-    )
 
 
 @njit(cache=True, nogil=True)
