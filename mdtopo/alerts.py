@@ -2,7 +2,8 @@
 
 Neighbouring steps with the same finding are one event, with start, peak and end. An event is said when it has ended,
 that is once more than `merge_steps` quiet steps have passed; so the order and the ids of the alerts depend on the run
-alone, not on how its frames were cut into blocks.
+alone, not on how its frames were cut into blocks. Of a stretched edge the onset is said at once as well: it is what
+comes before a fracture, and would be late otherwise.
 """
 
 from collections.abc import Iterable, Iterator
@@ -120,24 +121,27 @@ class AlertStream:
     def after(self, table: StepTable) -> Iterator[Alert]:
         """Yield the alerts of the events that have ended within the table."""
         closed: list[tuple[int, Event]] = []
+        onsets: list[tuple[int, Alert]] = []
         for finding in sorted(self._findings(table), key=lambda f: f.step):
             slot = (finding.kind, finding.key)
             event = self._open.get(slot)
             if event is not None and self._ends_at(event) < finding.step:
                 closed.append((self._ends_at(event), event))
                 event = None
+            if event is None and finding.kind is AlertKind.STRETCH:
+                onsets.append((finding.step, self._onset(finding)))
             self._open[slot] = event.extended(finding) if event is not None else Event(finding, finding, finding)
         horizon = table.first_step + len(table) - 1
         for slot, event in list(self._open.items()):
             if self._ends_at(event) <= horizon:
                 closed.append((self._ends_at(event), self._open.pop(slot)))
-        yield from self._in_order(closed)
+        yield from _in_order(onsets + [(end, self._alert(event)) for end, event in closed])
 
     def finish(self) -> Iterator[Alert]:
         """Yield the alerts of the events that were still open at the end of the run."""
-        closed = [(self._ends_at(event), event) for event in self._open.values()]
+        closed = [(self._ends_at(event), self._alert(event)) for event in self._open.values()]
         self._open.clear()
-        yield from self._in_order(closed)
+        yield from _in_order(closed)
 
     def _ends_at(self, event: Event) -> int:
         """Return the step that is one quiet step too many for the event to go on; a fracture never goes on."""
@@ -145,10 +149,12 @@ class AlertStream:
             return event.last.step
         return event.last.step + self._config.merge_steps + 1
 
-    def _in_order(self, closed: list[tuple[int, Event]]) -> Iterator[Alert]:
-        alerts = [(end, self._alert(event)) for end, event in closed]
-        for _, alert in sorted(alerts, key=lambda pair: (pair[0], pair[1].id)):
-            yield alert
+    def _onset(self, finding: Finding) -> Alert:
+        """Return what is said when an event begins, before anyone knows how it ends."""
+        alert = self._alert(Event(finding, finding, finding))
+        return replace(
+            alert, id=f"{alert.id}-onset", message=alert.message.replace("is stretched to", "begins to stretch, at")
+        )
 
     def _findings(self, table: StepTable) -> Iterator[Finding]:
         yield from self._near_limit(table)
@@ -278,6 +284,12 @@ class AlertStream:
             message="",
         )
         return replace(alert, message=f"{_when(event)}{peak.detail}.")
+
+
+def _in_order(alerts: list[tuple[int, Alert]]) -> Iterator[Alert]:
+    """Yield alerts by the step at which they are due, and by id within a step."""
+    for _, alert in sorted(alerts, key=lambda pair: (pair[0], pair[1].id)):
+        yield alert
 
 
 def _when(event: Event) -> str:

@@ -92,8 +92,13 @@ def _closest(summary: RunSummary, closest: str) -> str:
 
 def _alerts(summary: RunSummary, alerts_at: str) -> str:
     where = f" in {alerts_at}" if alerts_at else ""
-    found = [f"{n} {s.name.lower()}" for s, n in sorted(summary.alerts.items(), reverse=True) if n]
+    found = [_counted(n, s) for s, n in sorted(summary.alerts.items(), reverse=True) if n]
     return (", ".join(found) or "none") + where
+
+
+def _counted(n: int, severity: Severity) -> str:
+    plural = "s" if n > 1 and severity is Severity.WARNING else ""
+    return f"{n} {severity.name.lower()}{plural}"
 
 
 def counts_as_failure(alerts: dict[Severity, int] | Any, fail_on: str) -> bool:

@@ -61,7 +61,7 @@ def test_a_fracture_is_critical(cli: Callable, npz: Callable, breaking: np.ndarr
     outcome = cli("monitor", npz(positions=breaking), "--reference-frames", 5, "--fail-on", "critical")
     assert outcome.code == Exit.ALERTS
     assert outcome.out.startswith("FAIL: 1 broken edge; see the alerts.\n")
-    assert "1 critical, 1 warning" in outcome.out
+    assert "1 critical, 2 warnings" in outcome.out
 
 
 def test_every_option_reaches_the_results_file(cli: Callable, npz: Callable, tmp_path: Path) -> None:
