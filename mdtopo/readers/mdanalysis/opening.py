@@ -139,7 +139,8 @@ def _loaded_topology(topology: Path, parts: Sequence[Path], options: Options) ->
             # parsed apart, because a Universe would read the coordinates of the file too
             parser = get_parser_for(str(topology), format=options.topology_format)
             with parser(str(topology)) as file:
-                return MDAnalysis.Universe(file.parse(**options.chosen("atom_style")))
+                # types and masses are guessed when a selection asks for them: that takes as long as reading the file
+                return MDAnalysis.Universe(file.parse(**options.chosen("atom_style")), to_guess=())
     except Exception as error:
         _refuse(error, f"{topology} cannot be read as a topology", InputError)
 
@@ -165,7 +166,7 @@ def _load_trajectory(universe: Any, topology: Path, parts: Sequence[Path], optio
 def _guess_bonds(universe: Any, topology: Path) -> None:
     try:
         with mdanalysis_call(str(topology)):
-            universe.guess_TopologyAttrs(to_guess=["bonds"])
+            universe.guess_TopologyAttrs(to_guess=["types", "bonds"])
     except Exception as error:
         _refuse(error, f"The bonds of {topology} cannot be guessed", InputError)
 

@@ -174,7 +174,7 @@ def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
     within = opened.universe.atoms if opened.group is None else opened.group
     try:
         with mdanalysis_call(opened.title):
-            group = within.select_atoms(select)
+            group = _select(within, select, opened)
     except Exception as error:
         raise SelectionError(
             f"The selection {select!r} is malformed, or asks for what the topology does not hold: "
@@ -186,6 +186,17 @@ def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
             "'mdtopo doctor', or leave it out for the default trace."
         )
     return group, []
+
+
+def _select(within: Any, select: str, opened: Opened) -> Any:
+    """Return the selected atoms; types and masses are guessed only if the selection asks for them."""
+    try:
+        return within.select_atoms(select)
+    except Exception:  # MDAnalysis has several words for an attribute that the topology lacks
+        if not opened.is_ours or hasattr(opened.universe.atoms, "masses"):
+            raise
+        opened.universe.guess_TopologyAttrs(to_guess=["types", "masses"])
+        return within.select_atoms(select)
 
 
 def read_frame(opened: Opened, index: int, indices: Indices) -> Frame:

@@ -395,3 +395,12 @@ class TestFilesOfMDAnalysis:
         with opened(datafiles.RNA_PSF, datafiles.RNA_PDB) as reader:
             assert set(reader.strands.labels.atom.tolist()) == {"C4'"}
             assert reader.strands.offsets.tolist() == [0, 23]
+
+
+@pytest.mark.parametrize("select", ["name CA and type C", "name CA and mass 10 to 14", "prop mass > 11.9 and name CA"])
+def test_a_selection_may_ask_for_what_mdanalysis_guesses(select: str) -> None:
+    from MDAnalysisTests import datafiles
+
+    source = Source(paths=(Path(datafiles.GRO), Path(datafiles.XTC)))
+    with MDAnalysisReader.open(source, ReaderRequest(select=select)) as reader:
+        assert reader.strands.n_vertices == 214
