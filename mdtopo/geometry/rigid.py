@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 ELONGATED = 0.1
 """Sum of the lesser singular values over the greatest one, under which a set is long and thin."""
 
-CLEARLY = 0.5
+CLEARLY = 0.2
 """A rotation is clearly better than another when its sum of squares is less than this fraction of the other's."""
 
 
