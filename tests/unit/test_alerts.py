@@ -1,0 +1,160 @@
+"""Alerts: limits on both sides, merging of neighbouring steps, and an order that no block size changes."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mdtopo.alerts import AlertStream, count_steps
+from mdtopo.records import (
+    Alert,
+    AlertKind,
+    BrokenEdge,
+    Gap,
+    MonitorConfig,
+    Reason,
+    Rung,
+    Severity,
+    StepTable,
+    Strands,
+    Stretches,
+    Verdict,
+    VertexLabels,
+)
+
+STRANDS = Strands.from_lengths([4, 4], names=["one", "two"])
+PAIR = np.array([[0, 1], [4, 5]])
+
+
+def table(n: int, *, first_step: int = 0, stretched: tuple[tuple[int, float], ...] = (), **columns: Any) -> StepTable:
+    """Return n certified steps with nothing near a limit, except for what the columns say."""
+    values = {c.name: np.zeros((n, *c.shape), dtype=c.dtype) for c in StepTable.columns()}
+    steps = np.arange(first_step, first_step + n)
+    values |= {"frame_t0": steps, "frame_t1": steps + 1, "time_t0": 2.0 * steps, "time_t1": 2.0 * steps + 2.0}
+    values["verdict"][:] = Verdict.CERTIFIED
+    values["clearance"][:] = 9.0
+    values["pair_ratio_pair"][:] = values["nu_pair"][:] = values["clearance_pair"][:] = PAIR
+    values |= {name: np.asarray(column, dtype=values[name].dtype) for name, column in columns.items()}
+    stretches = Stretches(
+        np.array([step for step, _ in stretched], dtype=np.int64),
+        np.array([[1, 2]] * len(stretched), dtype=np.int64).reshape(-1, 2),
+        np.array([ratio for _, ratio in stretched]),
+        np.full(len(stretched), 1.2),
+    )
+    broken: tuple[BrokenEdge, ...] = ()
+    return StepTable(first_step=first_step, stretches=stretches, broken=broken, problems=("",) * n, **values)  # type: ignore[arg-type]
+
+
+def alerts_of(*tables: StepTable, config: MonitorConfig | None = None, strands: Strands = STRANDS) -> list[Alert]:
+    stream = AlertStream(strands, config or MonitorConfig())
+    said = list(stream.opening())
+    for one in tables:
+        said += stream.after(one)
+    return said + list(stream.finish())
+
+
+@pytest.mark.parametrize(
+    ("criterion", "column", "limit", "near", "clear"),
+    [
+        ("pair", "pair_ratio", 0.8, 0.8, np.nextafter(0.8, 0)),
+        ("nu", "nu_ratio", 0.8, 0.8, np.nextafter(0.8, 0)),
+        ("clearance", "clearance", 2.0, 2.0, np.nextafter(2.0, 3)),
+    ],
+)
+def test_a_step_is_near_limit_from_the_limit_on(
+    criterion: str, column: str, limit: float, near: float, clear: float
+) -> None:
+    config = MonitorConfig(criterion=criterion, near_limit=limit)  # type: ignore[arg-type]
+    (alert,) = alerts_of(table(1, **{column: [near]}), config=config)
+    assert (alert.kind, alert.severity, alert.value) == (AlertKind.NEAR_LIMIT, Severity.WARNING, near)
+    assert "possible strand fracture" in alert.message
+    assert alerts_of(table(1, **{column: [clear]}), config=config) == []
+
+
+def test_neighbouring_steps_are_one_event_with_start_peak_and_end() -> None:
+    (alert,) = alerts_of(table(6, pair_ratio=[0, 0.9, 0.95, 0, 0.85, 0]))
+    assert (alert.step_start, alert.step_peak, alert.step_end, alert.value) == (1, 2, 4, 0.95)
+    assert (alert.frame_start, alert.frame_end, alert.time_start, alert.time_end) == (1, 5, 2.0, 10.0)
+    assert alert.strands == ("one", "two")
+
+
+def test_two_quiet_steps_part_two_events() -> None:
+    alerts = alerts_of(table(6, pair_ratio=[0.9, 0, 0, 0.9, 0, 0]))
+    assert [a.id for a in alerts] == ["near-limit-0", "near-limit-3"]
+
+
+def test_the_least_clearance_is_the_peak() -> None:
+    config = MonitorConfig(criterion="clearance", near_limit=1.0)
+    (alert,) = alerts_of(table(3, clearance=[0.5, 0.2, 0.9]), config=config)
+    assert (alert.step_peak, alert.value) == (1, 0.2)
+
+
+def test_undecided_and_unusable_steps_have_alerts_of_their_own() -> None:
+    verdict = [Verdict.UNRESOLVED, Verdict.CERTIFIED, Verdict.CERTIFIED, Verdict.UNRESOLVED]
+    reason = [Reason.LADDER, Reason.NONE, Reason.NONE, Reason.BAD_DATA]
+    alerts = alerts_of(table(4, verdict=verdict, reason=reason, pair_ratio=[0.7, 0, 0, np.nan]))
+    assert [a.kind for a in alerts] == [AlertKind.UNRESOLVED, AlertKind.BAD_DATA]
+
+
+def test_the_onset_of_a_stretch_is_said_before_the_event_has_ended() -> None:
+    stream = AlertStream(STRANDS, MonitorConfig())
+    said = list(stream.after(table(3, stretched=((1, 1.25), (2, 1.3)))))
+    assert [a.id for a in said] == ["stretch-1-1-2-onset"]
+    (ended,) = stream.finish()
+    assert (ended.id, ended.value, ended.step_end) == ("stretch-1-1-2", 1.3, 2)
+
+
+def test_a_gap_is_said_before_the_first_step() -> None:
+    strands = Strands(
+        STRANDS.offsets, STRANDS.closed, STRANDS.names, STRANDS.labels, gaps=(Gap((3, 4), "7.1 Å apart"),)
+    )
+    (alert,) = alerts_of(strands=strands)
+    assert (alert.kind, alert.severity) == (AlertKind.GAP, Severity.INFO)
+    assert "7.1 Å apart" in alert.message
+
+
+def test_every_alert_is_valid_json_whatever_the_names_and_values() -> None:
+    hostile = '<script>"\n{}'
+    labels = VertexLabels.unknown(8)
+    names = Strands(STRANDS.offsets, STRANDS.closed, (hostile, hostile), labels)
+    verdict, reason = [Verdict.UNRESOLVED], [Reason.LADDER]
+    times = {"time_t0": [np.nan], "time_t1": [np.nan]}
+    alerts = alerts_of(table(1, pair_ratio=[np.inf], verdict=verdict, reason=reason, **times), strands=names)
+    assert len(alerts) == 2
+    for alert in alerts:
+        line = json.dumps(alert.to_mapping(), allow_nan=False)
+        assert "\n" not in line
+        assert json.loads(line)["strands"] == [hostile, hostile]
+
+
+STEP = st.tuples(
+    st.sampled_from(list(Verdict)), st.sampled_from([Rung.BALL, Rung.HULL, Rung.OPEN]), st.floats(0.0, 1.5)
+)
+
+
+def table_of(steps: list[tuple[Verdict, Rung, float]], first_step: int = 0) -> StepTable:
+    verdict, rung, ratio = zip(*steps, strict=True)
+    reason = [Reason.LADDER if v is Verdict.UNRESOLVED else Reason.NONE for v in verdict]
+    return table(len(steps), first_step=first_step, verdict=verdict, rung=rung, pair_ratio=ratio, reason=reason)
+
+
+@given(st.lists(STEP, min_size=1, max_size=40))
+def test_the_five_counts_always_add_up(steps: list[tuple[Verdict, Rung, float]]) -> None:
+    counts = count_steps(table_of(steps), MonitorConfig())
+    assert counts.steps == len(steps)
+    assert counts.crossed == sum(v is Verdict.CROSSING for v, _, _ in steps)
+    assert counts.unresolved == sum(v is Verdict.UNRESOLVED for v, _, _ in steps)
+
+
+@given(st.lists(STEP, min_size=1, max_size=40), st.integers(1, 7), st.integers(0, 3))
+def test_alerts_do_not_depend_on_how_steps_are_cut_into_blocks(
+    steps: list[tuple[Verdict, Rung, float]], size: int, merge: int
+) -> None:
+    config = MonitorConfig(merge_steps=merge)
+    blocks = [table_of(steps[k : k + size], k) for k in range(0, len(steps), size)]
+    whole = alerts_of(table_of(steps), config=config)
+    assert alerts_of(*blocks, config=config) == whole
+    assert len({alert.id for alert in whole}) == len(whole)
