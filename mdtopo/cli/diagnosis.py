@@ -289,11 +289,9 @@ def advice(sample: Sample | None) -> str:
         return f"The save interval is just short enough: the greatest pair ratio is {ratio:.2f}; {_closer(sample)}."
     spare = math.floor(COMFORT / ratio) if ratio > 0.0 else 0
     more = f"; about {spare} times as long would still do" if spare >= 2 else ""
-    return f"The save interval is good: every step that could be measured is proved{more}."
+    return f"The save interval is good: each of these steps that could be measured is proved{more}."
 
 
 def _closer(sample: Sample) -> str:
     times = max(2, math.ceil(sample.pair_ratio[1] / COMFORT))
-    known = math.isfinite(sample.least_interval)
-    every = f", that is every {COMFORT * sample.least_interval:.2g} ps" if known else ""
-    return f"save about {times} times as often{every}"
+    return f"save about {times} times as often"

@@ -24,7 +24,7 @@ WIDTH = 100
 
 RUNG_WORDS = {
     "BALL": "no vertex moved half the least distance (the paper's ball)",
-    "TWO_FRAME_BALL": "no vertex moved half the mean of both frames' least distances",
+    "TWO_FRAME_BALL": "no vertex moved the mean of both frames' least distances",
     "BROAD_PHASE": "the bounding spheres of all pairs stay apart",
     "RELATIVE_MOTION": "pairs moved less than their distances",
     "DIRECTION": "pairs stay on their sides of a plane",

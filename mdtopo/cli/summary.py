@@ -35,6 +35,8 @@ def headline(summary: RunSummary) -> str:
         found = [_count(counts.crossed, "step with a crossing", "steps with a crossing")] if counts.crossed else []
         found += [_count(summary.n_fractures, "broken edge", "broken edges")] if summary.n_fractures else []
         text = f"{' and '.join(found)}; see the alerts."
+    if summary.stopped and summary.verdict is RunVerdict.UNPROVEN:
+        text = "the trajectory could not be read to its end; the counts are of what was read."
     if not counts.steps:
         text = "there is no step to look at: a step needs two frames."
     return f"{summary.verdict.value}: {text}"
@@ -73,11 +75,11 @@ def _count_lines(summary: RunSummary, config: MonitorConfig) -> Iterator[str]:
     near = NEAR[config.criterion].format(limit=config.near_limit)
     table = [
         ("steps", counts.steps, ""),
-        ("  proved by ball", counts.ball, "no vertex moved half the least distance of the strands"),
+        ("  proved by ball", counts.ball, "every vertex moved less than the least distances of the strands allow"),
         ("  proved by pairs", counts.pairs, "every pair of edges was shown to stay apart"),
         ("  near the limit", counts.near_limit, near),
         ("  unresolved", counts.unresolved, "not decided, or the data were unusable"),
-        ("  crossed", counts.crossed, "one strand passed through another"),
+        ("  crossed", counts.crossed, "(crossings are not located yet: such a step is unresolved)"),
     ]
     width = max(len(str(number)) for _, number, _ in table)
     yield from aligned([(name, f"{number:{width}d}  {meaning}") for name, number, meaning in table])

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Self
 
@@ -58,4 +59,5 @@ class AlertFile:
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None and self._file is not sys.stdout:
-            self._file.close()
+            with suppress(OSError):  # a full disk has been reported by the write that met it
+                self._file.close()

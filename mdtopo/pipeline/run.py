@@ -11,7 +11,7 @@ from typing import Any
 from mdtopo.alerts import AlertStream
 from mdtopo.errors import TrajectoryError
 from mdtopo.pipeline.alertfile import AlertFile
-from mdtopo.pipeline.tables import ALL_FRAMES, default_threads, open_input, step_tables
+from mdtopo.pipeline.tables import ALL_FRAMES, check_frames, default_threads, open_input, step_tables
 from mdtopo.pipeline.tally import Progress, Tally
 from mdtopo.readers import Reader
 from mdtopo.records import Alert, MonitorConfig, RunSummary, Strands
@@ -89,6 +89,7 @@ def monitor(
         opened = stack.enter_context(
             open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
         )
+        check_frames(opened, frames)
         config = _with_coordinate_error(config, opened)
         alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite))
         writer = None

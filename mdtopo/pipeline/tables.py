@@ -108,6 +108,7 @@ def step_tables(
     TrajectoryError
         When a frame cannot be read; the steps before it have been yielded by then.
     """
+    check_frames(reader, frames)
     first, stream = lead_in(reader, frames, config.reference_frames)
     if not first:
         next(stream, None)  # raises what kept the first frame from being read
@@ -120,6 +121,20 @@ def step_tables(
     setting = Setting.start(reader.strands, config, reference)
     blocks = frame_blocks(stream, config.block_steps, periodic=first[0].cell is not None)
     yield from _measured(_planned(blocks, setting), setting, threads or default_threads())
+
+
+def check_frames(reader: Reader, frames: slice) -> None:
+    """Refuse a frame range that is no slice, or selects nothing.
+
+    Raises
+    ------
+    InputError
+        If it does.
+    """
+    if not isinstance(frames, slice):
+        raise InputError(f"frames is {frames!r}; pass a slice, such as slice(0, None, 10).")
+    if reader.n_frames is not None and not range(reader.n_frames)[frames]:
+        raise InputError(f"The frame range selects none of the {reader.n_frames} frames; they are counted from 0.")
 
 
 def _planned(blocks: Iterator[FrameBlock], setting: Setting) -> Iterator[BlockPlan]:

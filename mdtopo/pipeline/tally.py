@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mdtopo.alerts import count_steps
-from mdtopo.records import MonitorConfig, RunSummary, Severity, StepCounts, StepTable, run_verdict
+from mdtopo.records import MonitorConfig, RunSummary, RunVerdict, Severity, StepCounts, StepTable, Verdict, run_verdict
 from mdtopo.typing import Ratios
 
 
@@ -35,13 +35,16 @@ class Tally:
         """Count the steps of a table."""
         self.counts += count_steps(table, self.config)
         self.n_fractures += len(table.broken)
-        self.clearance = _extreme(self.clearance, -table.clearance, table.first_step, sign=-1.0)
+        proved = np.where(table.verdict == Verdict.CERTIFIED, table.clearance, np.nan)
+        self.clearance = _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
         self.ratio = _extreme(self.ratio, table.pair_ratio, table.first_step, sign=1.0)
 
     def summary(self, results: Path | None, stopped: str) -> RunSummary:
         """Return the summary of the run."""
         warnings = self.alerts[Severity.WARNING] + self.alerts[Severity.CRITICAL]
         verdict = run_verdict(self.counts, self.n_fractures, warnings)
+        if stopped and verdict in (RunVerdict.PASS, RunVerdict.WARN):
+            verdict = RunVerdict.UNPROVEN  # nobody saw the rest
         alerts = {severity: self.alerts[severity] for severity in Severity}
         return RunSummary(
             verdict, self.counts, self.n_fractures, alerts, *self.clearance, *self.ratio, results, stopped

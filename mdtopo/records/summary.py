@@ -26,7 +26,7 @@ class StepCounts:
     Attributes
     ----------
     ball : int
-        Proved by the paper's ball, not near the limit.
+        Proved by a ball rung (0 or 1), the paper's comparison of displacement and separation; not near the limit.
     pairs : int
         Proved pair by pair, not near the limit.
     near_limit : int

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,12 +68,12 @@ class Results:
     broken: tuple[BrokenEdge, ...]
 
 
-def read_results(path: Path, *, columns: Collection[str] | None = None) -> Results:
+def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | None = None) -> Results:
     """Return the contents of a results file. The file is not locked, which shared file systems often cannot.
 
     Parameters
     ----------
-    path : Path
+    path : path
         The file.
     columns : collection of str, optional
         Names of the step columns to read; all by default. Every row of them is held in memory.
@@ -84,6 +85,7 @@ def read_results(path: Path, *, columns: Collection[str] | None = None) -> Resul
     InputError
         If it is no results file, is damaged, has a newer schema, or has no column of that name.
     """
+    path = Path(path)
     _check_is_hdf5(path)
     try:
         with h5py.File(path, "r", locking=False) as file:

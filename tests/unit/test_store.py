@@ -601,3 +601,8 @@ def test_nothing_heavy_is_imported_for_the_versions():
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_a_path_may_be_text(tmp_path: Path) -> None:
+    with pytest.raises(MissingFileError, match=r"run\.h5"):
+        read_results(str(tmp_path / "run.h5"))

@@ -164,13 +164,13 @@ def test_a_box_has_lengths_and_angles() -> None:
     [
         (None, "There is no step"),
         (replace(GOOD, pair_ratio=(math.nan, math.nan)), "No step could be measured"),
-        (GOOD, "is good: every step that could be measured is proved; about 4 times as long would still do."),
-        (replace(GOOD, pair_ratio=(0.3, 0.5)), "is good: every step that could be measured is proved."),
+        (GOOD, "is good: each of these steps that could be measured is proved; about 4 times as long would still do."),
+        (replace(GOOD, pair_ratio=(0.3, 0.5)), "is good: each of these steps that could be measured is proved."),
         (replace(GOOD, pair_ratio=(0.3, 0.79)), "is good"),
         (replace(GOOD, pair_ratio=(0.3, 0.8)), "just short enough: the greatest pair ratio is 0.80"),
         (
             replace(GOOD, unresolved=3, bad_data=1, pair_ratio=(0.9, 3.0)),
-            "2 of 50 steps are not proved; save about 4 times as often, that is every 4 ps.",
+            "2 of 50 steps are not proved; save about 4 times as often.",
         ),
         (replace(GOOD, unresolved=3, bad_data=3), "is good"),
     ],
