@@ -96,7 +96,7 @@ def test_a_line_turned_end_to_end_takes_a_proper_half_turn() -> None:
 def test_noise_about_a_line_does_not_turn_it_about_itself() -> None:
     rng, freely = np.random.default_rng(6), 0
     for _ in range(50):
-        x0, x1 = straight(rng, 0.1), straight(rng, 0.1)
+        x0, x1 = straight(rng, 0.1, 40), straight(rng, 0.1, 40)
         assert angle_of(fit(x0, x1)) < 2.0
         freely += angle_of(oracles.best_rotation(x0, x1)) > 20.0
     assert freely > 25  # the plain fit turns by whatever noise says
