@@ -6,7 +6,19 @@ from numpy.typing import NDArray
 from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
-from mdtopo.records import FrameBlock, Motion, PairClass, Reason, Rung, StepTable, Strands, Stretches, Verdict
+from mdtopo.records import (
+    Crossings,
+    FrameBlock,
+    Motion,
+    PairClass,
+    Reason,
+    Rung,
+    Scope,
+    StepTable,
+    Strands,
+    Stretches,
+    Verdict,
+)
 from mdtopo.typing import Flags, Indices, Lengths, Ratios
 
 
@@ -84,6 +96,7 @@ def _table(plan: BlockPlan, columns: Columns, bad: Flags, strands: Strands) -> S
         stretches=_stretches(plan, strands),
         broken=plan.broken,
         problems=plan.problems,
+        crossings=Crossings.none(),
         frame_t0=block.frames[:-1],
         frame_t1=block.frames[1:],
         time_t0=block.times[:-1],
@@ -102,12 +115,18 @@ def _table(plan: BlockPlan, columns: Columns, bad: Flags, strands: Strands) -> S
         clearance=clearance,
         clearance_pair=pair.reshape(-1, 2, 2),
         clearance_local=columns.clearances[:, PairClass.LOCAL],
+        clearance_local_pair=columns.clearance_witness[:, PairClass.LOCAL].reshape(-1, 2, 2),
         clearance_self=columns.clearances[:, PairClass.SELF],
+        clearance_self_pair=columns.clearance_witness[:, PairClass.SELF].reshape(-1, 2, 2),
         clearance_inter=columns.clearances[:, PairClass.INTER],
+        clearance_inter_pair=columns.clearance_witness[:, PairClass.INTER].reshape(-1, 2, 2),
         bond_stretch=stretch,
         bond_stretch_edge=stretch_edge,
         certifiable_interval=interval,
         verdict=verdict,
+        scope=np.where(verdict == Verdict.CERTIFIED, Scope.STORED, Scope.NONE).astype(np.int8),
+        n_crossings=np.zeros(len(verdict), dtype=np.int64),
+        image_jumps=np.zeros(len(verdict), dtype=np.int64),
         rung=columns.rung.astype(np.int8),
         reason=reason,
         rung_pairs=columns.rung_pairs,

@@ -6,6 +6,7 @@ which strand and is constant over a run; `MonitorConfig` holds every knob.
 
 from mdtopo.records.alerts import Alert, AlertKind, Severity
 from mdtopo.records.config import Criterion, MonitorConfig, Motion
+from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
 from mdtopo.records.frames import Frame, FrameBlock
 from mdtopo.records.reference import ReferenceLengths
 from mdtopo.records.steps import (
@@ -14,6 +15,7 @@ from mdtopo.records.steps import (
     PairClass,
     Reason,
     Rung,
+    Scope,
     StepReport,
     StepTable,
     Stretches,
@@ -29,9 +31,12 @@ __all__ = [
     "BrokenEdge",
     "Column",
     "Criterion",
+    "Crossing",
+    "Crossings",
     "Frame",
     "FrameBlock",
     "Gap",
+    "Grade",
     "MonitorConfig",
     "Motion",
     "PairClass",
@@ -40,7 +45,9 @@ __all__ = [
     "RunSummary",
     "RunVerdict",
     "Rung",
+    "Scope",
     "Severity",
+    "Shape",
     "StepCounts",
     "StepReport",
     "StepTable",

@@ -33,6 +33,17 @@ class MonitorConfig:
         "rigid",
         "path that is certified: 'rigid' takes one common rigid motion out of each step, 'lab' takes none",
     )
+    audit: bool = _knob(
+        False,
+        "compare linking number and writhe with the crossings in every step of closed strands, not only where there "
+        "are crossings",
+    )
+    resolution_length: float | None = _knob(
+        None,
+        "a crossing is resolved when its two edges move less than this relative to each other, Å; by default the "
+        "shorter of the two edges",
+        least=0.0,
+    )
     criterion: Criterion = _knob(
         "pair",
         "what makes a step near-limit: 'pair' (sharp ratio of a pair), 'nu' (the paper's 2m/nu) or 'clearance' (in Å)",

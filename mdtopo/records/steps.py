@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mdtopo.records.crossings import Crossings
 from mdtopo.typing import Codes, Indices, Lengths, Points, Ratios, Times
 
 
@@ -43,12 +44,31 @@ class PairClass(IntEnum):
 
 
 class Reason(IntEnum):
-    """Why a step is UNRESOLVED."""
+    """Why a step is UNRESOLVED.
+
+    LADDER: rounding hides the answer. BAD_DATA: a frame is unusable. CELL: images cannot be counted. TOUCH: two edges
+    touch without passing. VERTEX: the contact is at a vertex. SLIDING: two edges touch while they are parallel or in
+    one plane all the time. FRAME: two edges touch in a frame itself. IMAGE_JUMP: part of a strand jumps by a lattice
+    vector.
+    """
 
     NONE = 0
     LADDER = 1
     BAD_DATA = 2
     CELL = 3
+    TOUCH = 4
+    VERTEX = 5
+    SLIDING = 6
+    FRAME = 7
+    IMAGE_JUMP = 8
+
+
+class Scope(IntEnum):
+    """What a certificate is about: nothing (there is none), the stored data only, or the motion before rounding too."""
+
+    NONE = 0
+    STORED = 1
+    MOTION = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +155,7 @@ class StepTable:
     stretches: Stretches
     broken: tuple[BrokenEdge, ...]
     problems: tuple[str, ...]
+    crossings: Crossings
 
     frame_t0: Indices = _column("", "frame index at the step's start", dtype=np.int64)
     frame_t1: Indices = _column("", "frame index at the step's end", dtype=np.int64)
@@ -169,8 +190,11 @@ class StepTable:
         "", "the pair with the least clearance, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64
     )
     clearance_local: Lengths = _column("Å", "clearance of pairs with one edge between them on their strand")
+    clearance_local_pair: Indices = _column("", "the pair that holds it, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64)
     clearance_self: Lengths = _column("Å", "clearance of pairs of one strand that are further apart on it")
+    clearance_self_pair: Indices = _column("", "the pair that holds it, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64)
     clearance_inter: Lengths = _column("Å", "clearance of pairs of different strands")
+    clearance_inter_pair: Indices = _column("", "the pair that holds it, shape (n, 2, 2)", shape=(2, 2), dtype=np.int64)
     bond_stretch: Ratios = _column("", "greatest edge length over its reference length, at the step's end")
     bond_stretch_edge: Indices = _column(
         "", "the edge that is stretched most, shape (n, 2)", shape=(2,), dtype=np.int64
@@ -180,6 +204,9 @@ class StepTable:
         "frame spacing at which pair_ratio would reach 1 if displacements grew in proportion to it (heuristic)",
     )
     verdict: Codes = _column("", "CERTIFIED, CROSSING or UNRESOLVED", Verdict)
+    scope: Codes = _column("", "whether a certificate holds for the stored data only, or before rounding too", Scope)
+    n_crossings: Indices = _column("", "crossings of the step", dtype=np.int64)
+    image_jumps: Indices = _column("", "vertices whose stored coordinates jump by a lattice vector", dtype=np.int64)
     rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)
     reason: Codes = _column("", "why the step is UNRESOLVED", Reason)
     rung_pairs: Indices = _column(
@@ -196,7 +223,9 @@ class StepTable:
     def empty(cls) -> "StepTable":
         """Return a table without rows."""
         numbers = {c.name: np.empty((0, *c.shape), dtype=c.dtype) for c in cls.columns()}
-        return cls(first_step=0, stretches=Stretches.none(), broken=(), problems=(), **numbers)
+        return cls(
+            first_step=0, stretches=Stretches.none(), broken=(), problems=(), crossings=Crossings.none(), **numbers
+        )
 
     @classmethod
     def joined(cls, tables: Sequence["StepTable"]) -> "StepTable":
@@ -210,6 +239,7 @@ class StepTable:
             ),
             broken=tuple(edge for table in tables for edge in table.broken),
             problems=tuple(problem for table in tables for problem in table.problems),
+            crossings=Crossings.joined([table.crossings for table in tables]),
             **{c.name: np.concatenate([getattr(t, c.name) for t in tables]) for c in cls.columns()},
         )
 
@@ -221,6 +251,7 @@ class StepTable:
             first_step=first_step,
             stretches=replace(self.stretches, step=self.stretches.step + shift),
             broken=tuple(replace(edge, step=edge.step + shift) for edge in self.broken),
+            crossings=replace(self.crossings, step=self.crossings.step + shift),
         )
 
     @classmethod
@@ -233,7 +264,8 @@ class StepTable:
     def report(self, row: int) -> "StepReport":
         """Return one row as an object."""
         values = {c.name: _scalar(getattr(self, c.name)[row], c.enum) for c in self.columns()}
-        return StepReport(step=self.first_step + row, problem=self.problems[row], **values)
+        step = self.first_step + row
+        return StepReport(step=step, problem=self.problems[row], crossings=self.crossings.of_step(step), **values)
 
     def reports(self) -> Iterator["StepReport"]:
         """Yield every row as an object, in step order."""
@@ -256,10 +288,13 @@ class StepReport:
         0-based; step k is the motion from analysed frame k to the next one.
     problem : str
         What is wrong with one of the step's frames, in words; empty where nothing is.
+    crossings : Crossings
+        The step's crossings, a sequence of `Crossing` in order of time.
     """
 
     step: int
     problem: str
+    crossings: Crossings
     frame_t0: int
     frame_t1: int
     time_t0: float
@@ -278,12 +313,18 @@ class StepReport:
     clearance: float
     clearance_pair: Indices
     clearance_local: float
+    clearance_local_pair: Indices
     clearance_self: float
+    clearance_self_pair: Indices
     clearance_inter: float
+    clearance_inter_pair: Indices
     bond_stretch: float
     bond_stretch_edge: Indices
     certifiable_interval: float
     verdict: Verdict
+    scope: Scope
+    n_crossings: int
+    image_jumps: int
     rung: Rung
     reason: Reason
     rung_pairs: Indices
