@@ -94,9 +94,15 @@ def monitor(
         alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite))
         writer = None
         if out is not None:
+            request = {
+                "select": select,
+                "frames": [frames.start, frames.stop, frames.step],
+                "reader": reader,
+                "reader_options": dict(reader_options or {}),
+            }
             origin = collect_provenance(_paths(inputs), argv=argv or [], threads=threads)
             writer = stack.enter_context(
-                ResultsWriter.create(Path(out), opened.strands, config, origin, overwrite=overwrite)
+                ResultsWriter.create(Path(out), opened.strands, config, origin, request=request, overwrite=overwrite)
             )
         for note in opened.notes:
             log.info("%s", note)

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import AuditError
-from mdtopo.records import Alert, StepTable
+from mdtopo.records import Alert, Crossings, StepTable
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, Layout, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, Layout, column_dtype
 
 
 class StepColumns:
@@ -62,6 +62,32 @@ class StepColumns:
         for name, buffer in self._buffers.items():
             extend(self._group[name], buffer[: self._held])
         self._held = 0
+
+
+class CrossingColumns:
+    """The datasets of /crossings, and the crossings that are not written yet."""
+
+    def __init__(self, group: h5py.Group) -> None:
+        self._group = group
+        self._held: list[Crossings] = []
+        for name, layout in CROSSINGS.items():
+            create_column(group, name, layout)
+
+    def append(self, crossings: Crossings) -> bool:
+        """Take some crossings; True if some were written."""
+        if len(crossings):
+            self._held.append(crossings)
+        if sum(map(len, self._held)) < CHUNK_ROWS:
+            return False
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Write the crossings that are held back."""
+        held = Crossings.joined(self._held)
+        for name in CROSSINGS:
+            extend(self._group[name], getattr(held, name))
+        self._held = []
 
 
 class AlertColumns:

@@ -17,13 +17,14 @@ from mdtopo.records import (
     Alert,
     AlertKind,
     BrokenEdge,
+    Crossings,
     Gap,
     ReferenceLengths,
     Severity,
     Strands,
     VertexLabels,
 )
-from mdtopo.store.schema import ALERTS, BROKEN, SCHEMA, TEXT
+from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, SCHEMA, TEXT
 from mdtopo.typing import JsonObject
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -39,12 +40,15 @@ class Results:
         Number of the file's layout.
     complete : bool
         Whether the run came to its end.
-    config, provenance, summary : mapping
-        The knobs, where the results come from, and what the run comes to (empty in a run that did not end).
+    config, request, provenance, summary : mapping
+        The knobs, what was asked of the input beside its files, where the results come from, and what the run comes to
+        (empty in a run that did not end).
     first_step : int
         The step of row 0.
     steps : mapping of str to ndarray, shape (n_steps, ...)
         The columns by name; `StepTable` says what they mean. Enum columns are int8 codes.
+    crossings : Crossings
+        By step and time.
     alerts : tuple of Alert
         In the order in which they were given.
     strands : Strands
@@ -58,10 +62,12 @@ class Results:
     schema: int
     complete: bool
     config: JsonObject
+    request: JsonObject
     provenance: JsonObject
     summary: JsonObject
     first_step: int
     steps: Mapping[str, NDArray[Any]]
+    crossings: Crossings
     alerts: tuple[Alert, ...]
     strands: Strands
     reference: ReferenceLengths | None
@@ -118,16 +124,19 @@ def _check_schema(path: Path, file: h5py.File) -> None:
 
 
 def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> Results:
+    strands = _strands(file["strands"])
     return Results(
         schema=int(file.attrs["schema"]),
         complete=bool(file.attrs["complete"]),
         config=json.loads(file.attrs["config"]),
+        request=json.loads(file.attrs.get("request", "{}")),
         provenance=json.loads(file.attrs["provenance"]),
         summary=json.loads(file.attrs.get("summary", "{}")),
         first_step=int(file["steps"].attrs["first_step"]),
         steps=_steps(path, file["steps"], columns),
+        crossings=_crossings(file.get("crossings"), strands),
         alerts=_alerts(file["alerts"]),
-        strands=_strands(file["strands"]),
+        strands=strands,
         reference=_reference(file["strands"]),
         broken=_broken(file["strands"]),
     )
@@ -144,6 +153,12 @@ def _steps(path: Path, group: h5py.Group, columns: Collection[str] | None) -> di
 def _plain(dataset: h5py.Dataset) -> NDArray[Any]:
     values: NDArray[Any] = dataset[()]
     return values.view(np.int8) if h5py.check_enum_dtype(dataset.dtype) else values
+
+
+def _crossings(group: h5py.Group | None, strands: Strands) -> Crossings:
+    if group is None:  # written by a version that located none
+        return Crossings.none()
+    return Crossings(strands=strands, **{name: _plain(group[name]) for name in CROSSINGS})
 
 
 def _texts(dataset: h5py.Dataset) -> list[str]:

@@ -1,24 +1,26 @@
 """What the results file holds: names, types, units and descriptions, for the writer and the reader alike.
 
-======== ================================================================================================
-group    holds
-======== ================================================================================================
-/steps   one dataset for each column of `StepTable`, one row for each step; attribute ``first_step``
-/alerts  one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
-/strands which vertices form which strand, how they are called, reference lengths, broken edges
-======== ================================================================================================
+========== ==============================================================================================
+group      holds
+========== ==============================================================================================
+/steps     one dataset for each column of `StepTable`, one row for each step; attribute ``first_step``
+/crossings one dataset for each column of `Crossings`, one row for each crossing, by step and time
+/alerts    one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
+/strands   which vertices form which strand, how they are called, reference lengths, broken edges
+========== ==============================================================================================
 
-Attributes of the file: ``schema`` (this number), ``config``, ``provenance``, ``summary`` (JSON) and
+Attributes of the file: ``schema`` (this number), ``config``, ``request``, ``provenance``, ``summary`` (JSON) and
 ``complete``, which is written last. A group that a version of mdtopo does not write is absent.
 """
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import h5py
 import numpy as np
 
-from mdtopo.records import Column
+from mdtopo.records import Column, Grade, Shape
 
 SCHEMA = 1
 """Rises when a program that reads the file would have to change."""
@@ -32,11 +34,13 @@ TEXT = h5py.string_dtype("utf-8")
 
 def column_dtype(column: Column) -> np.dtype[Any]:
     """Return the dtype of a step column: an HDF5 enum on int8, int64 for indices, float64 for the rest."""
-    if column.enum is not None:
-        codes = {member.name: member.value for member in column.enum}
-        dtype: np.dtype[Any] = h5py.enum_dtype(codes, basetype="i1")
-        return dtype
-    return np.dtype(column.dtype)
+    return np.dtype(column.dtype) if column.enum is None else enum_dtype(column.enum)
+
+
+def enum_dtype(enum: type[IntEnum]) -> np.dtype[Any]:
+    """Return the HDF5 enum of the codes, on int8."""
+    dtype: np.dtype[Any] = h5py.enum_dtype({member.name: member.value for member in enum}, basetype="i1")
+    return dtype
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,34 @@ class Layout:
     unit: str = ""
     row_shape: tuple[int, ...] = ()
 
+
+CROSSINGS = {
+    "step": Layout(np.int64, "the step"),
+    "frame_t0": Layout(np.int64, "frame index at the step's start"),
+    "frame_t1": Layout(np.int64, "frame index at the step's end"),
+    "t": Layout(np.float64, "time within the step, from 0 to 1"),
+    "edges": Layout(
+        np.int64,
+        "vertices [[a, b], [c, d]] of the two edges, each in strand order; the edge with the lower first vertex comes "
+        "first",
+        row_shape=(2, 2),
+    ),
+    "parameters": Layout(np.float64, "where on the edges, from 0 (first vertex) to 1", row_shape=(2,)),
+    "point": Layout(
+        np.float64, "where in space: on the first edge, in the coordinates of the step's first frame", "Å", (3,)
+    ),
+    "sign": Layout(np.int64, "+1 where det(a - c, b - a, d - c) rises through zero, -1 where it falls"),
+    "image": Layout(
+        np.int64,
+        "lattice counts that bring the second edge, as the first frame stores its first vertex, to the first edge",
+        row_shape=(3,),
+    ),
+    "grade": Layout(enum_dtype(Grade), "what the crossing says about the physics"),
+    "object": Layout(enum_dtype(Shape), "what crossed: the polyline or the smooth curve"),
+    "motion": Layout(np.float64, "greatest relative motion of the two edges in the step", "Å"),
+    "resolution": Layout(np.float64, "resolution length of the pair; a motion below it makes it RESOLVED", "Å"),
+}
+"""The columns of `Crossings`, in their order."""
 
 ALERTS = {
     "id": Layout(TEXT, "stable identity of the alert"),

@@ -16,6 +16,7 @@ from mdtopo.errors import OutputError
 from mdtopo.records import Alert, BrokenEdge, MonitorConfig, ReferenceLengths, StepTable, Strands
 from mdtopo.store.columns import (
     AlertColumns,
+    CrossingColumns,
     StepColumns,
     create_column,
     extend,
@@ -65,6 +66,7 @@ class ResultsWriter:
         self._guard = GuardedFile(descriptor)
         self._file = h5py.File(self._guard, "w")
         self._steps = StepColumns(self._file.create_group("steps"))
+        self._crossings = CrossingColumns(self._file.create_group("crossings"))
         self._alerts = AlertColumns(self._file.create_group("alerts"))
 
     @classmethod
@@ -75,9 +77,22 @@ class ResultsWriter:
         config: MonitorConfig,
         provenance: Provenance,
         *,
+        request: Mapping[str, Any] | None = None,
         overwrite: bool = False,
     ) -> Self:
         """Return a writer for a new file.
+
+        Parameters
+        ----------
+        path : Path
+            The file; it appears when it is whole.
+        strands, config, provenance
+            What the results are about, how they are made, and where from.
+        request : mapping, optional
+            What was asked of the input beside its files, so that it can be opened again: ``select``, ``frames``
+            (start, stop, step), ``reader`` and ``reader_options``. Values that JSON does not know are stored as text.
+        overwrite : bool
+            Whether a file of that name may be replaced.
 
         Raises
         ------
@@ -93,23 +108,24 @@ class ResultsWriter:
             raise _failed(path, error) from error
         writer = cls(path, partial, descriptor, strands, provenance, overwrite)
         try:
-            writer._begin(config)
+            writer._begin(config, request or {})
         except BaseException:
             writer.abort()
             raise
         return writer
 
-    def _begin(self, config: MonitorConfig) -> None:
+    def _begin(self, config: MonitorConfig, request: Mapping[str, Any]) -> None:
         attributes = self._file.attrs
         attributes["schema"] = SCHEMA
         attributes["config"] = json.dumps(config.to_mapping())
+        attributes["request"] = json.dumps(request, default=str)
         attributes["provenance"] = json.dumps(self._provenance.to_mapping())
         attributes["complete"] = False
         _write_strands(self._file.create_group("strands"), self._strands)
         self._flush()
 
     def append(self, table: StepTable) -> None:
-        """Add the steps of a table, and the edges that broke in them.
+        """Add the steps of a table, their crossings, and the edges that broke in them.
 
         Raises
         ------
@@ -119,7 +135,7 @@ class ResultsWriter:
             If the table's steps do not follow those that are there.
         """
         self._check_open()
-        written = self._steps.append(table)
+        written = self._steps.append(table) | self._crossings.append(table.crossings)
         self._broken.extend(table.broken)
         if written:
             self._flush()
@@ -171,6 +187,7 @@ class ResultsWriter:
         """
         self._check_open()
         self._steps.flush()
+        self._crossings.flush()
         self._alerts.flush()
         write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
         # default=str: a value that JSON does not know must not cost the run

@@ -19,10 +19,13 @@ from mdtopo.records import (
     Alert,
     AlertKind,
     BrokenEdge,
+    Crossings,
     Gap,
+    Grade,
     MonitorConfig,
     ReferenceLengths,
     Severity,
+    Shape,
     StepTable,
     Strands,
     Stretches,
@@ -40,7 +43,7 @@ from mdtopo.store import (
     read_results,
     writer,
 )
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, column_dtype
 
 ROOT = Path(__file__).parents[2]
 CONFIG = MonitorConfig(motion="lab", near_limit=0.7)
@@ -78,7 +81,7 @@ ALERT = Alert(
 )
 
 
-def step_table(n_steps, *, first_step=0, broken=(), seed=0):
+def step_table(n_steps, *, first_step=0, broken=(), crossings=None, seed=0):
     """Random values in every column, with a NaN and a -1 in each that can have one."""
     random = np.random.default_rng(seed)
     values_of = {}
@@ -91,7 +94,36 @@ def step_table(n_steps, *, first_step=0, broken=(), seed=0):
         else:
             values = np.where(random.random(shape) < 0.1, np.nan, random.normal(size=shape))
         values_of[column.name] = values
-    return StepTable(first_step, Stretches.none(), tuple(broken), ("",) * n_steps, **values_of)
+    listed = crossings if crossings is not None else Crossings.none()
+    return StepTable(first_step, Stretches.none(), tuple(broken), ("",) * n_steps, listed, **values_of)
+
+
+def crossings_of(*steps, seed=0):
+    """One crossing in each of the steps, with random values."""
+    random, n = np.random.default_rng(seed), len(steps)
+    return Crossings(
+        strands=STRANDS,
+        step=np.array(steps, dtype=np.int64),
+        frame_t0=10 * np.array(steps, dtype=np.int64),
+        frame_t1=10 * np.array(steps, dtype=np.int64) + 10,
+        t=random.random(n),
+        edges=np.tile([[0, 1], [2, 3]], (n, 1, 1)),
+        parameters=random.random((n, 2)),
+        point=random.normal(size=(n, 3)),
+        sign=random.choice([-1, 1], n),
+        image=random.integers(-3, 4, (n, 3)),
+        grade=random.choice([int(grade) for grade in Grade], n).astype(np.int8),
+        object=np.zeros(n, dtype=np.int8),
+        motion=random.random(n),
+        resolution=random.random(n),
+    )
+
+
+def assert_crossings_are(found, *tables):
+    for name in Crossings.column_names():
+        expected = np.concatenate([getattr(table, name) for table in tables])
+        assert getattr(found, name).dtype == expected.dtype, name
+        assert np.array_equal(getattr(found, name), expected), name
 
 
 def create(path, **how):
@@ -134,14 +166,14 @@ def test_every_column_comes_back(tmp_path):
 
 def test_a_column_says_what_it_is(tmp_path):
     with h5py.File(write(tmp_path / "run.h5", step_table(3))) as file:
-        assert set(file) == {"steps", "alerts", "strands"}
+        assert set(file) == {"steps", "crossings", "alerts", "strands"}
         for column in StepTable.columns():
             dataset = file["steps"][column.name]
             assert dataset.attrs["unit"] == column.unit
             assert dataset.attrs["description"] == column.description
             assert dataset.chunks == (CHUNK_ROWS, *dataset.shape[1:])
             assert (dataset.compression, dataset.shuffle) == ("gzip", True)
-        for dataset in (*file["alerts"].values(), *file["strands"].values()):
+        for dataset in (*file["crossings"].values(), *file["alerts"].values(), *file["strands"].values()):
             assert dataset.attrs["description"]
 
 
@@ -154,6 +186,49 @@ def test_codes_are_hdf5_enums(tmp_path):
             assert h5py.check_enum_dtype(dataset.dtype) == {member.name: member.value for member in enum}
             assert dataset.dtype == np.int8
         assert h5py.check_enum_dtype(file["steps/verdict"].dtype)["CERTIFIED"] == Verdict.CERTIFIED
+
+
+def test_crossings_come_back(tmp_path):
+    tables = [crossings_of(0, 2, 2), crossings_of(seed=1), crossings_of(4, 7, seed=2)]
+    steps = [step_table(3, crossings=tables[0]), step_table(1, first_step=3), step_table(5, first_step=4)]
+    steps[2] = replace(steps[2], crossings=tables[2])
+    path = write(tmp_path / "run.h5", *steps)
+    found = read_results(path).crossings
+    assert_crossings_are(found, *tables)
+    assert [crossing.step for crossing in found.of_step(2)] == [2, 2]
+    assert found[0].strands == ("α", "")
+    assert found[0].residues == ("A:GLY1-GLY2A", "B:GLY-3-GLY4")
+    with h5py.File(path) as file:
+        group = file["crossings"]
+        assert list(CROSSINGS) == list(Crossings.column_names())
+        assert set(group) == set(CROSSINGS)
+        for name, enum in (("grade", Grade), ("object", Shape)):
+            assert h5py.check_enum_dtype(group[name].dtype) == {member.name: member.value for member in enum}
+        units = {name for name, dataset in group.items() if dataset.attrs["unit"] == "Å"}
+        assert units == {"point", "motion", "resolution"}
+
+
+def test_crossings_beyond_a_chunk_are_written_as_they_come(tmp_path, monkeypatch):
+    monkeypatch.setattr(columns, "CHUNK_ROWS", 4)
+    tables = [crossings_of(k, k, k, seed=k) for k in range(5)]
+    with create(tmp_path / "run.h5") as results:
+        for k, crossings in enumerate(tables):
+            results.append(step_table(1, first_step=k, crossings=crossings))
+        (partial,) = tmp_path.iterdir()
+        assert partial.stat().st_size > 0
+        results.finish({})
+    assert_crossings_are(read_results(tmp_path / "run.h5").crossings, *tables)
+
+
+def test_a_run_without_crossings_and_a_file_without_their_group(tmp_path):
+    path = write(tmp_path / "run.h5", step_table(2))
+    assert len(read_results(path).crossings) == 0
+    with h5py.File(path, "a") as file:
+        del file["crossings"]
+        del file.attrs["request"]
+    found = read_results(path)
+    assert len(found.crossings) == 0
+    assert found.request == {}
 
 
 def test_alerts_come_back_with_the_fields_of_the_json_lines(tmp_path):
@@ -233,12 +308,14 @@ def test_a_file_without_steps_is_whole(tmp_path):
 
 def test_attributes_come_back(tmp_path):
     many = replace(PROVENANCE, argv=("part.xtc",) * 20_000)  # beyond the 64 KiB that HDF5 keeps in an object header
-    with ResultsWriter.create(tmp_path / "run.h5", STRANDS, CONFIG, many) as results:
+    request = {"select": "name CA", "frames": [0, None, 2], "reader": None, "reader_options": {"dt": Path("x")}}
+    with ResultsWriter.create(tmp_path / "run.h5", STRANDS, CONFIG, many, request=request) as results:
         results.finish({"crossed": 2, "results": Path("run.h5")})
     found = read_results(tmp_path / "run.h5")
     assert found.schema == SCHEMA == 1
     assert MonitorConfig.from_mapping(found.config) == CONFIG
     assert found.summary == {"crossed": 2, "results": "run.h5"}
+    assert found.request == {**request, "reader_options": {"dt": "x"}}
     assert (found.provenance["host"], len(found.provenance["argv"])) == ("node7", 20_000)
     assert found.provenance["started"] < found.provenance["ended"]
 
