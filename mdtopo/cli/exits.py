@@ -21,6 +21,7 @@ class Exit(IntEnum):
     USAGE = 2
     ALERTS = 3
     BAD_INPUT = 4
+    DIFFERS = 5
     INTERRUPTED = 130  # 128 + SIGINT, as shells count
     BROKEN_PIPE = 141  # 128 + SIGPIPE
 
@@ -33,6 +34,7 @@ exit codes:
   3    alerts at or above --fail-on were raised
   4    bad input, or output that cannot be written; also a trajectory that
        could be read in part only (the results are kept, marked as incomplete)
+  5    'mdtopo verify' found a difference
   130  interrupted from the keyboard
 """
 
