@@ -33,10 +33,10 @@ def edge_distances(points: Points) -> Lengths:
     a, b, c, d = np.moveaxis(points, 1, 0)
     found = [_to_segment(p, q, r) for p, q, r in ((a, c, d), (b, c, d), (c, a, b), (d, a, b))]
     u, v, w = b - a, d - c, c - a
-    uu, uv, vv = (np.einsum("nk,nk->n", p, q) for p, q in ((u, u), (u, v), (v, v)))
-    uw, vw = np.einsum("nk,nk->n", u, w), np.einsum("nk,nk->n", v, w)
+    normal = np.cross(u, v)  # keeps its digits where the edges are nearly parallel, unlike products of lengths
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.clip(np.nan_to_num((uw * vv - vw * uv) / (uu * vv - uv * uv)), 0.0, 1.0)
+        place = np.einsum("nk,nk->n", np.cross(w, v), normal) / np.einsum("nk,nk->n", normal, normal)
+    s = np.clip(np.nan_to_num(place), 0.0, 1.0)
     for _ in range(REFINEMENTS):
         p = a + s[:, np.newaxis] * u
         q = c + _foot(p, c, v)[:, np.newaxis] * v
