@@ -70,7 +70,7 @@ class StepCheck:
     differences : tuple of str
         One sentence for each; empty where all agrees.
     note : str
-        What the referee finds in a step that the results leave open; else empty.
+        What the referee finds in a step that the results leave open, or that hangs on rounding; else empty.
     """
 
     step: int
@@ -268,12 +268,22 @@ def check_step(found: Results, step: int, kind: str, frame0: Frame, frame1: Fram
         wrong = (f"it is {verdict.name}, but its images cannot be counted",) if verdict.value else ()
         return StepCheck(step, kind, verdict, wrong, "" if wrong else "images cannot be counted")
     crossings, contacts = meetings
+    note = _open_note(crossings, contacts) if verdict is Verdict.UNRESOLVED else ""
+    if verdict is Verdict.CERTIFIED and (crossings or contacts) and rigid and _is_rounding(found, row, case):
+        note = (
+            f"{_open_note(crossings, contacts)}, but its clearance is no more than the rounding of turned coordinates"
+        )
+        crossings, contacts = (), ()
     differences = [
         *_verdict_differences(found, step, verdict, crossings, contacts),
         *_number_differences(found, row, verdict, case, bool(crossings)),
     ]
-    note = _open_note(crossings, contacts) if verdict is Verdict.UNRESOLVED else ""
     return StepCheck(step, kind, verdict, tuple(differences), note)
+
+
+def _is_rounding(found: Results, row: int, case: StepCase) -> bool:
+    """Return whether a clearance is so small that turning the coordinates in another order may undo it."""
+    return bool(0.0 < found.steps["clearance"][row] <= ROUNDING * case.scale)
 
 
 def _verdict_differences(

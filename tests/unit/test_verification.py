@@ -380,3 +380,20 @@ def test_images_that_cannot_be_counted(run: Callable[..., Path]) -> None:
     frames = [Frame(k, float(k), line, np.diag([40.0, 0.2, 0.2])) for k in (0, 1)]
     check = check_step(found, 0, "named", *frames, periodic=True)
     assert check == StepCheck(0, "named", Verdict.CERTIFIED, ("it is CERTIFIED, but its images cannot be counted",))
+
+
+@pytest.mark.parametrize(("clearance", "agrees"), [(1e-13, True), (1e-10, False)])
+def test_what_hangs_on_rounding_is_noted_where_coordinates_are_turned(
+    run: Callable[..., Path], clearance: float, agrees: bool
+) -> None:
+    for motion in ("rigid", "lab"):
+        path = run(bars(True), motion=motion)
+        with h5py.File(path, "a") as file:
+            for dataset in file["crossings"].values():
+                dataset.resize(0, axis=0)
+            for name, value in (("verdict", Verdict.CERTIFIED), ("n_crossings", 0), ("clearance", clearance)):
+                file[f"steps/{name}"][CROSSED] = value
+        (check,) = verify(path, sampling=Sampling(steps=(CROSSED,))).checks
+        turned = motion == "rigid" and agrees
+        assert bool(check.differences) is not turned
+        assert ("rounding of turned coordinates" in check.note) is turned
