@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import chain, pairwise
+from math import lcm
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ from oracles.polynomials import (
 )
 
 ExactPair = list[list[list[Fraction]]]
+WholePair = list[list[list[int]]]
 
 
 @dataclass(frozen=True)
@@ -81,14 +83,14 @@ class Passages:
     contacts: tuple[Contact, ...]
 
 
-def _moving(x0: Sequence[Fraction], x1: Sequence[Fraction]) -> list[Poly]:
+def _moving(x0: Sequence[int], x1: Sequence[int]) -> list[Poly]:
     return [Poly(trimmed([p, q - p])) for p, q in zip(x0, x1, strict=True)]
 
 
 class _Signs:
     """The polynomials whose signs decide about contact; see `_state`."""
 
-    def __init__(self, pair0: ExactPair, pair1: ExactPair) -> None:
+    def __init__(self, pair0: WholePair, pair1: WholePair) -> None:
         ends = zip(chain(*pair0), chain(*pair1), strict=True)
         self._points = a, b, c, d = [_moving(*two) for two in ends]
         self._edges = u, v, w = minus(b, a), minus(d, c), minus(c, a)
@@ -143,11 +145,20 @@ def pair_passages(pair0: Sequence[Any], pair1: Sequence[Any]) -> Passages:
 
     A vertex is an edge of length zero, [p, p].
     """
-    exact0, exact1 = ([exact_points(edge) for edge in pair] for pair in (pair0, pair1))
-    signs = _Signs(exact0, exact1)
+    signs = _Signs(*_whole_numbers(*([exact_points(edge) for edge in pair] for pair in (pair0, pair1))))
     if signs.volume:
         return _isolated(signs)
     return Passages((), tuple(_sliding(signs)))
+
+
+def _whole_numbers(pair0: ExactPair, pair1: ExactPair) -> tuple[WholePair, WholePair]:
+    """Return the pair in the unit in which all coordinates are integers: times and parameters stay, and it is fast."""
+    scale = lcm(*(x.denominator for pair in (pair0, pair1) for edge in pair for point in edge for x in point))
+    one, other = (
+        [[[x.numerator * (scale // x.denominator) for x in point] for point in edge] for edge in pair]
+        for pair in (pair0, pair1)
+    )
+    return one, other
 
 
 def _isolated(signs: _Signs) -> Passages:
