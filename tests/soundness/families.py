@@ -10,7 +10,7 @@ Motions = tuple[Points, Points]
 Generator = np.random.Generator
 
 
-def meeting(rng: Generator, gaps: Points, speeds: Points, *, tilt: float = 1.0) -> Motions:
+def meeting(rng: Generator, gaps: Points, speeds: Points, *, tilt: float | Points = 1.0) -> Motions:
     """Two edges that at one time of the step are `gap` apart across their common normal, at points inside both.
 
     The sign of the gap says on which side; with a motion that is larger than the gap the edges pass, or just do not.
@@ -18,7 +18,7 @@ def meeting(rng: Generator, gaps: Points, speeds: Points, *, tilt: float = 1.0) 
     """
     n = len(gaps)
     first, other = unit(rng, n), unit(rng, n)
-    second = first + tilt * other
+    second = first + np.reshape(tilt, (-1, 1)) * other
     normal = np.cross(first, other)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     s, r = rng.uniform(0.05, 0.95, size=(2, n, 1))
@@ -44,6 +44,11 @@ def signs(rng: Generator, n: int) -> Points:
     return rng.choice([-1.0, 1.0], size=n)
 
 
+def in_hex(x0: Points, x1: Points) -> str:
+    """Return the positions at both ends so that they can be typed in again to the last bit."""
+    return " -> ".join(str([[v.hex() for v in p] for p in x.tolist()]) for x in (x0, x1))
+
+
 def random_motions(rng: Generator, n: int) -> Motions:
     x0 = rng.normal(size=(n, 4, 3))
     return x0, x0 + rng.normal(size=(n, 4, 3)) * powers(rng, n, -2, 0.3)[:, np.newaxis, np.newaxis]
@@ -60,8 +65,7 @@ def grazing(rng: Generator, n: int) -> Motions:
 
 
 def near_parallel(rng: Generator, n: int) -> Motions:
-    tilt = float(powers(rng, 1, -12, -2)[0])
-    gaps = signs(rng, n) * powers(rng, n, -12, -2)
+    tilt, gaps = powers(rng, n, -12, -2), signs(rng, n) * powers(rng, n, -12, -2)
     return meeting(rng, gaps, np.abs(gaps) * powers(rng, n, -1, 1), tilt=tilt)
 
 

@@ -1,12 +1,14 @@
 """Motions in periodic cells, and what they are in exact arithmetic once strands have been placed by whole images."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from soundness.families import Generator, Points, meeting, powers, signs
+from oracles import Event, Passages, passages
+from oracles.lattice import Shift
+from soundness.families import Generator, Points, in_hex, meeting, powers, signs
 
 from mdtopo.curves import step_motion, whole_strands
 from mdtopo.records import Strands, Traces
@@ -14,7 +16,7 @@ from mdtopo.records import Strands, Traces
 LENGTHS = (2, 6)
 """A short strand, and a long one whose first edge meets it and whose centre is a cell away, so that images count."""
 
-PAIR = [((0, 1), (2, 3))]
+PAIR = ((0, 1), (2, 3))
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,9 @@ class Periodic:
     x1: Points
     cell0: Points
     cell1: Points
+
+    def in_hex(self) -> str:
+        return f"{in_hex(self.x0, self.x1)} in {in_hex(self.cell0, self.cell1)}"
 
 
 def with_tail(rng: Generator, x0: Points, x1: Points, length: float) -> tuple[Points, Points]:
@@ -70,6 +75,13 @@ def through_the_boundary(rng: Generator) -> Periodic:
     cell = cubic(rng)
     x0, x1 = with_tail(rng, *near_meeting(rng, (-13, -1), (-2, 1)), cell[0, 0])
     return Periodic(wrapped(rng, x0, cell, 3), wrapped(rng, x1, cell, 3), cell, cell)
+
+
+def clear_of_rounding(rng: Generator) -> Periodic:
+    """Every vertex in its own image, and gaps far above the rounding of what is placed by whole cells."""
+    cell = cubic(rng) if rng.random() < 0.5 else skewed(rng, 3)
+    x0, x1 = with_tail(rng, *near_meeting(rng, (-8, 0), (-2, 1)), 10.0)
+    return Periodic(wrapped(rng, x0, cell, 2), wrapped(rng, x1, cell, 2), cell, cell)
 
 
 def skewed_cell(rng: Generator) -> Periodic:
@@ -128,6 +140,7 @@ def cells_away(rng: Generator) -> Periodic:
 PERIODIC_FAMILIES: dict[str, Callable[[Generator], Periodic]] = {
     "in its box": in_its_box,
     "through the boundary": through_the_boundary,
+    "clear of rounding": clear_of_rounding,
     "skewed cell": skewed_cell,
     "very skewed cell": very_skewed_cell,
     "moving cell": moving_cell,
@@ -138,24 +151,51 @@ PERIODIC_FAMILIES: dict[str, Callable[[Generator], Periodic]] = {
 
 
 ExactRows = list[list[Fraction]]
+PairOfEdges = tuple[tuple[int, int], tuple[int, int]]
 
 
-def exact_motion(step: Periodic, strands: Strands) -> tuple[ExactRows, ExactRows, ExactRows, ExactRows]:
-    """Return positions and cells at both ends in exact arithmetic, placed in the images that the package chose.
+@dataclass(frozen=True)
+class ExactMotion:
+    """Positions and cells at both ends in exact arithmetic, placed in the images that the package chose.
 
-    Only whole numbers are taken from the package: by how many lattice vectors it moved each vertex, and which
-    combinations of lattice vectors its reduced cells are.
+    Only whole numbers are taken from the package: `placed`, by how many lattice vectors of the file it moved each
+    vertex of the first frame (and likewise of the second), and `basis`, which combinations of them its reduced cell is.
     """
-    t = Traces.of(strands)
-    whole0, reduced0, *_ = whole_strands(step.x0, step.cell0, t.vertices, t.offsets, t.closed)
-    whole1, reduced1, *_ = whole_strands(step.x1, step.cell1, t.vertices, t.offsets, t.closed)
-    motion = step_motion(whole0, whole1, reduced0, reduced1, 0.0, True, False, np.eye(3), t.vertices, t.offsets)
-    return (
-        shifted(step.x0, counts(motion.x0 - step.x0, step.cell0), step.cell0),
-        shifted(step.x1, counts(motion.x1 - step.x1, step.cell1), step.cell1),
-        shifted(np.zeros((3, 3)), counts(motion.cell0, step.cell0), step.cell0),
-        shifted(np.zeros((3, 3)), counts(motion.cell1, step.cell1), step.cell1),
-    )
+
+    x0: ExactRows
+    x1: ExactRows
+    cell0: ExactRows
+    cell1: ExactRows
+    placed: NDArray[np.int64]
+    basis: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, step: Periodic, strands: Strands) -> "ExactMotion":
+        t = Traces.of(strands)
+        whole0, reduced0, *_ = whole_strands(step.x0, step.cell0, t.vertices, t.offsets, t.closed)
+        whole1, reduced1, *_ = whole_strands(step.x1, step.cell1, t.vertices, t.offsets, t.closed)
+        motion = step_motion(whole0, whole1, reduced0, reduced1, 0.0, True, False, np.eye(3), t.vertices, t.offsets)
+        placed, basis = counts(motion.x0 - step.x0, step.cell0), counts(motion.cell0, step.cell0)
+        return cls(
+            shifted(step.x0, placed, step.cell0),
+            shifted(step.x1, counts(motion.x1 - step.x1, step.cell1), step.cell1),
+            shifted(np.zeros((3, 3)), basis, step.cell0),
+            shifted(np.zeros((3, 3)), counts(motion.cell1, step.cell1), step.cell1),
+            placed,
+            basis,
+        )
+
+    def passages(self, strands: Strands, pairs: Sequence[PairOfEdges]) -> Passages:
+        """Return all crossings and contacts of these pairs in all images, counted from the positions as stored."""
+        found = passages(
+            self.x0, self.x1, strands.offsets, strands.closed, cell0=self.cell0, cell1=self.cell1, pairs=pairs
+        )
+        return replace(found, events=tuple(replace(e, shift=self._from_stored(e)) for e in found.events))
+
+    def _from_stored(self, event: Event) -> Shift:
+        a, c = event.first[0], event.second[0]
+        x, y, z = (np.array(event.shift) @ self.basis + self.placed[c] - self.placed[a]).tolist()
+        return x, y, z
 
 
 def counts(vectors: Points, cell: Points) -> NDArray[np.int64]:
