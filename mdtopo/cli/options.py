@@ -183,6 +183,8 @@ OUTPUT_OPTIONS = (
 def _knob_option(name: str, hint: Any, default: Any, help_text: str) -> Option:
     if typing.get_origin(hint) is typing.Literal:
         return Option(name, Kind.CHOICE, default, help_text, "measurement", choices=typing.get_args(hint))
+    if hint is bool:
+        return Option(name, Kind.FLAG, default, help_text, "measurement")
     types = typing.get_args(hint) if isinstance(hint, UnionType) else (hint,)
     kind, metavar = (Kind.INTEGER, "N") if int in types else (Kind.NUMBER, "X")
     return Option(name, kind, default, help_text, "measurement", metavar=metavar, example="0.0")
