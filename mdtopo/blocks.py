@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.curves import edge_lengths, step_motion, whole_strands
+from mdtopo.curves import edge_lengths, image_jumps, jumping_edge, step_motion, whole_strands
 from mdtopo.extremes import N_RUNGS
 from mdtopo.geometry.rigid import covariance
-from mdtopo.ladder import measure_step
+from mdtopo.ladder import Found, both_found, measure_step
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
@@ -22,12 +22,16 @@ BoolArray = NDArray[np.bool_]
 
 
 class WholeFrames(NamedTuple):
-    """Frames with whole strands: positions, reduced cells, edge lengths, and which frames can be used at all."""
+    """Frames with whole strands: positions, reduced cells, edge lengths, and which frames can be used at all.
+
+    `jumps` counts the edges whose stored vector jumps by a lattice vector between a frame and the one before.
+    """
 
     positions: FloatArray
     cells: FloatArray
     lengths: FloatArray
     winding: IntArray
+    jumps: IntArray
     placing: FloatArray
     usable: BoolArray
 
@@ -54,10 +58,18 @@ class Columns(NamedTuple):
     rung: IntArray
     rung_pairs: IntArray
     cell_ok: BoolArray
+    jump: IntArray
 
     def part(self, rows: slice) -> "Columns":
         """Return views of some rows."""
         return type(self)._make(array[rows] for array in self)
+
+    def settle(self, row: int, undecided: int, still_open: int) -> None:
+        """Note that exact arithmetic has decided some pairs of a step that the ladder left undecided."""
+        self.rung_pairs[row, Rung.EXACT] += undecided - still_open
+        self.rung_pairs[row, Rung.OPEN] -= undecided - still_open
+        if undecided and not self.rung_pairs[row, Rung.OPEN]:
+            self.rung[row] = Rung.EXACT
 
 
 @njit(cache=True, nogil=True)
@@ -76,16 +88,20 @@ def whole_frames(
     whole, bases = positions.copy(), np.zeros((n_frames, 3, 3))
     lengths = np.full((n_frames, len(edges)), np.nan)
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
-    placing = np.zeros(n_frames)
+    jumps, placing = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames)
+    before = np.zeros((len(positions[0]) if periodic else 0, 3), dtype=np.int64)
     for k in range(n_frames):
         if not usable[k]:
             continue
         if periodic:
-            whole[k], bases[k], winding[k], placing[k] = whole_strands(
+            whole[k], bases[k], winding[k], counts, placing[k] = whole_strands(
                 positions[k], cells[k], vertices, offsets, closed
             )
+            if k > 0 and usable[k - 1]:
+                jumps[k] = image_jumps(before, counts, bases[k - 1], bases[k], edges)
+            before = counts
         lengths[k] = edge_lengths(whole[k], edges)
-    return WholeFrames(whole, bases, lengths, winding, placing, usable)
+    return WholeFrames(whole, bases, lengths, winding, jumps, placing, usable)
 
 
 @njit(cache=True, nogil=True)
@@ -115,10 +131,20 @@ def measure_steps(
     local_pairs: IntArray,
     end_terms: IntArray,
     out: Columns,
-) -> None:
-    """Measure each step whose two frames can be used, and write its row; other rows stay as they are."""
-    reach = 0.0
+) -> tuple[IntArray, Found]:
+    """Measure each step whose two frames can be used, and write its row; other rows stay as they are.
+
+    Returns
+    -------
+    starts : ndarray of int, shape (n_steps + 1, 2)
+        Where the passages, and the undecided pairs, of each step begin.
+    found : Found
+        Those of all steps, one after the other.
+    """
+    reach, starts = 0.0, np.zeros((len(frames.positions), 2), dtype=np.int64)
+    total = Found(np.empty((0, 14)), np.empty((0, 6), dtype=np.int64))
     for k in range(len(frames.positions) - 1):
+        starts[k + 1] = starts[k]
         if not measurable[k]:
             continue
         motion = step_motion(
@@ -137,6 +163,10 @@ def measure_steps(
         out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
         if not motion.usable:
             continue
+        if periodic:
+            out.jump[k] = jumping_edge(motion, edges)
+            if out.jump[k] >= 0:
+                continue
         m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms, reach)
         reach, out.cell_ok[k] = m.needed_reach, m.countable
         out.displacement[k], out.displacement_vertex[k] = m.displacement, m.displacement_vertex
@@ -144,6 +174,10 @@ def measure_steps(
         out.nu_witness[k, :], out.ratio_witness[k, :] = m.nu_witness, m.ratio_witness
         out.clearances[k, :], out.clearance_witness[k, :, :] = m.clearances, m.clearance_witness
         out.rung_pairs[k, :] = m.rung_pairs
+        if len(m.found.passages) + len(m.found.undecided) > 0:
+            total = both_found(total, m.found)
+            starts[k + 1, 0], starts[k + 1, 1] = len(total.passages), len(total.undecided)
+    return starts, total
 
 
 def empty_columns(n: int) -> Columns:
@@ -171,4 +205,5 @@ def empty_columns(n: int) -> Columns:
         rung=np.full(n, Rung.OPEN, dtype=np.int64),
         rung_pairs=np.zeros((n, N_RUNGS), dtype=np.int64),
         cell_ok=np.ones(n, dtype=np.bool_),
+        jump=index(),
     )

@@ -31,6 +31,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+LONG_EDGE = 0.35
+"""An edge longer than this share of the shortest lattice vector may be taken for an image of itself."""
+
+
 class StepMotion(NamedTuple):
     """The linear motion that one step certifies.
 
@@ -65,8 +69,8 @@ class StepMotion(NamedTuple):
 @njit(cache=True, nogil=True)
 def whole_strands(
     x: FloatArray, cell: FloatArray, vertices: IntArray, offsets: IntArray, closed: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray, IntArray, float]:
-    """Return the positions with every trace whole, the reduced cell, the winding of each trace, and what was rounded.
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray, float]:
+    """Return the positions with every trace whole, the reduced cell, the windings, the counts, and what was rounded.
 
     Parameters
     ----------
@@ -87,6 +91,8 @@ def whole_strands(
         The reduced cell.
     winding : ndarray of int, shape (n_traces, 3)
         Nonzero where a closed trace closes through the boundary, so that it cannot be made whole.
+    counts : ndarray of int, shape (n, 3)
+        By how many vectors of the reduced cell each vertex was moved, its trace's common move left out.
     placing : float
         See `StepMotion`.
     """
@@ -113,7 +119,7 @@ def whole_strands(
             stored = max(stored, abs(x[i, 0]), abs(x[i, 1]), abs(x[i, 2]))
             v = lattice_vector(total, basis)
             whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
-    return whole, reduced, winding, stored + (1 + applied) * total_length(basis_of(cell))
+    return whole, reduced, winding, counts, stored + (1 + applied) * total_length(basis_of(cell))
 
 
 @njit(cache=True, nogil=True)
@@ -233,6 +239,52 @@ def _place_beside(x0: FloatArray, x1: FloatArray, cell1: Basis, vertices: IntArr
             for k in range(offsets[g], offsets[g + 1]):
                 i = vertices[k]
                 x1[i, 0], x1[i, 1], x1[i, 2] = add(row(x1, i), v)
+
+
+@njit(cache=True, nogil=True)
+def image_jumps(before: IntArray, after: IntArray, cell0: FloatArray, cell1: FloatArray, edges: IntArray) -> int:
+    """Return how many edges have a stored vector that jumps by a lattice vector from one frame to the next.
+
+    Parameters
+    ----------
+    before, after : ndarray of int, shape (n, 3)
+        By how many vectors of the reduced cell each vertex was moved to make its strand whole.
+    cell0, cell1 : ndarray, shape (3, 3)
+        Reduced cells.
+    edges : ndarray of int, shape (m, 2)
+    """
+    basis0, basis1 = basis_of(cell0), basis_of(cell1)
+    matched = matching_basis(basis0, basis1)
+    inverse, same, jumps = inverse_of(matched), matched == basis1, 0
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        old = (before[b, 0] - before[a, 0], before[b, 1] - before[a, 1], before[b, 2] - before[a, 2])
+        new = (after[b, 0] - after[a, 0], after[b, 1] - after[a, 1], after[b, 2] - after[a, 2])
+        if not same:
+            new = nearest_integers(combine(lattice_vector(new, basis1), inverse))
+        jumps += old != new
+    return jumps
+
+
+@njit(cache=True, nogil=True)
+def jumping_edge(motion: StepMotion, edges: IntArray) -> int:
+    """Return the first edge whose vector jumps by a lattice vector within the step, -1 where none does.
+
+    It does where both images of the edge are about half a cell long, so that the nearest one is taken now on this side
+    and now on the other: the strand behind the edge then jumps with it.
+    """
+    basis = basis_of(motion.cell0)
+    inverse, shortest = inverse_of(basis), norm(basis[0])
+    for k in range(len(edges)):
+        e0 = subtract(row(motion.x0, edges[k, 1]), row(motion.x0, edges[k, 0]))
+        e1 = subtract(row(motion.x1, edges[k, 1]), row(motion.x1, edges[k, 0]))
+        if max(norm(e0), norm(e1)) < LONG_EDGE * shortest:
+            continue
+        turn = subtract(e1, e0)
+        counts = nearest_image(turn, basis, inverse)
+        if counts != (0, 0, 0) and norm(add(turn, lattice_vector(counts, basis))) < 0.5 * norm(turn):
+            return k
+    return -1
 
 
 @njit(cache=True, nogil=True)

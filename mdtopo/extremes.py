@@ -109,3 +109,12 @@ def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: f
     if ratio > best.values[RATIO] or (ratio == best.values[RATIO] and comes_first(edges, i, j, best.ratio_witness)):
         best.values[RATIO] = ratio
         write_pair(best.ratio_witness, edges, i, j)
+
+
+@njit(cache=True, nogil=True)
+def keep_clearance(edges: IntArray, i: int, j: int, kind: int, clearance: float, best: Extremes) -> None:
+    """Update the least clearance of a class with one pair of edges."""
+    least = best.least[kind]
+    if clearance < least or (clearance == least and comes_first(edges, i, j, best.witness[kind])):
+        best.least[kind] = clearance
+        write_pair(best.witness[kind], edges, i, j)

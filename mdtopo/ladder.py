@@ -14,10 +14,12 @@ rung  name              settles the pair when                                   
 3     relative motion   ρ < d0 + d1                                                     (d0 + d1 - ρ)/2
 4     direction         one w in {n0, n1, n0 + n1} has w·v > 0 for all v at both ends   min w·v/|w|
 5     hull              the origin is outside conv(V0 ∪ V1)                             d*(V0 ∪ V1)
+6     bisection         rung 3 holds in each piece of the step                          least over the pieces
+7     exact             the edges pass through each other, or provably never meet       0
 ====  ================  ==============================================================  =======================
 
 Guarantee: a clearance is a proven lower bound of the pair's distance at every time of the step, rounding included. What
-no rung settles stays OPEN, and the step UNRESOLVED.
+no rung settles stays OPEN here, and goes to exact arithmetic (`mdtopo.passages`).
 
 The numbers of a step (ν, greatest ratio, least clearance of each class) are exact minima and maxima over the pairs in
 reach. A pair is measured in full only if a cheap bound does not already show that it cannot change any of them.
@@ -38,18 +40,19 @@ from mdtopo.extremes import (
     NU1_PROVEN,
     RATIO,
     Extremes,
-    comes_first,
     copy_extremes,
     fresh_extremes,
+    keep_clearance,
     keep_nu,
     keep_ratio,
-    write_pair,
 )
+from mdtopo.geometry.bisection import bisected_clearance
 from mdtopo.geometry.broadphase import candidate_pairs
 from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import (
     BOUND_ERROR,
+    Corners,
     cheap_bounds,
     direction_clearance,
     hull_clearance,
@@ -58,15 +61,17 @@ from mdtopo.geometry.pairs import (
     line_bound,
     relative_motion,
 )
-from mdtopo.geometry.vectors import add, dot, norm, row, scale, subtract
+from mdtopo.geometry.passage import FREE, MOST_PASSAGES, PASSES, moving_pair, passages
+from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 BALL, TWO_FRAME_BALL, BROAD_PHASE = int(Rung.BALL), int(Rung.TWO_FRAME_BALL), int(Rung.BROAD_PHASE)
 RELATIVE_MOTION, DIRECTION, HULL = int(Rung.RELATIVE_MOTION), int(Rung.DIRECTION), int(Rung.HULL)
-OPEN = int(Rung.OPEN)
+BISECTION, EXACT, OPEN = int(Rung.BISECTION), int(Rung.EXACT), int(Rung.OPEN)
 
 RATIO_REACH = 1.25
 """Pairs whose ratio is at least 1/1.25 = 0.8 are always in reach: they have d0 + d1 ≤ 1.25 ρ, and ρ is at most the sum
@@ -88,6 +93,25 @@ image by 8u of each lattice vector, reduced ones included; ρ, which adds four o
 
 LEAST_SLACK = 1e-140
 """Å. Added to that rounding: squares of lengths below 1e-160 Å underflow, and a radius or a motion came out as 0."""
+
+
+class Found(NamedTuple):
+    """Passages, and pairs that floating point leaves open.
+
+    Attributes
+    ----------
+    passages : ndarray, shape (k, 14)
+        Edges i and j, image of j (3), t, s, r, point (3), sign, ρ, length of the shorter edge (its least in the step).
+    undecided : ndarray of int, shape (l, 6)
+        Edges i and j, image of j (3), class.
+    """
+
+    passages: FloatArray
+    undecided: IntArray
+
+    def rows(self, start: IntArray, stop: IntArray) -> "Found":
+        """Return some of the passages and some of the pairs; `start` and `stop` hold one number for each."""
+        return Found(self.passages[start[0] : stop[0]], self.undecided[start[1] : stop[1]])
 
 
 class StepMeasure(NamedTuple):
@@ -118,6 +142,8 @@ class StepMeasure(NamedTuple):
         How far the search had to go, Å.
     countable : bool
         False where too many periodic images might be met, so that the search was given up; the rung is then OPEN.
+    found : Found
+        Passages, and pairs that are left to exact arithmetic.
     """
 
     nu: float
@@ -134,6 +160,7 @@ class StepMeasure(NamedTuple):
     rung: int
     needed_reach: float
     countable: bool
+    found: Found
 
 
 class Spheres(NamedTuple):
@@ -188,20 +215,17 @@ def settle_pair(
     edges: IntArray,
     placing: float,
     best: Extremes,
-) -> None:
-    """Settle one pair of edges by the cheapest rung that does, and keep what it adds to the step's extremes."""
+) -> bool:
+    """Settle one pair of edges by the cheapest rung up to 5 that does, and return whether one did.
+
+    What the pair adds to the step's extremes is kept; of a pair that stays open all but its clearance.
+    """
     gap, low0, low1, _ = bounds
-    shift0 = lattice_vector(image, basis_of(motion.cell0))
-    shift1 = lattice_vector(image, basis_of(motion.cell1))
-    a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
-    a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
-    c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
-    c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
-    start, end = (a0, b0, c0, d0), (a1, b1, c1, d1)
-    _, _, n0 = closest_points(a0, b0, c0, d0)
-    _, _, n1 = closest_points(a1, b1, c1, d1)
-    low0 = max(dual_bound(n0, a0, b0, c0, d0) - placing, low0)
-    low1 = max(dual_bound(n1, a1, b1, c1, d1) - placing, low1)
+    start, end = corners_of(i, j, image, motion, edges)
+    _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
+    _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
+    low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
+    low1 = max(dual_bound(n1, end[0], end[1], end[2], end[3]) - placing, low1)
     rho = relative_motion(start, end) + placing
     keep_nu(edges, i, j, kind, norm(n0), norm(n1), low0, low1, best)
     keep_ratio(edges, i, j, rho, low0, low1, best)
@@ -214,12 +238,106 @@ def settle_pair(
         if not clearance > 0.0:
             rung, clearance = HULL, hull_clearance(start, end) - placing
         if not clearance > 0.0:
-            rung, clearance = OPEN, 0.0
+            return False
     if rung != BROAD_PHASE:
         best.rung_pairs[rung] += 1
-    if clearance < best.least[kind] or (clearance == best.least[kind] and comes_first(edges, i, j, best.witness[kind])):
-        best.least[kind] = clearance
-        write_pair(best.witness[kind], edges, i, j)
+    keep_clearance(edges, i, j, kind, clearance, best)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def corners_of(i: int, j: int, image: Counts, motion: StepMotion, edges: IntArray) -> tuple[Corners, Corners]:
+    """Return the ends of two edges, the second one in its image, at both ends of the step."""
+    a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
+    a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
+    shift0 = lattice_vector(image, basis_of(motion.cell0))
+    shift1 = lattice_vector(image, basis_of(motion.cell1))
+    c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
+    c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
+    return (a0, b0, c0, d0), (a1, b1, c1, d1)
+
+
+@njit(cache=True, nogil=True)
+def decide_open(
+    pairs: IntArray,
+    images: IntArray,
+    is_open: BoolArray,
+    local: bool,
+    motion: StepMotion,
+    edges: IntArray,
+    trace: IntArray,
+    placing: float,
+    best: Extremes,
+) -> Found:
+    """Decide the pairs that rungs 2 to 5 left open: by their passages, else by bisection (rungs 7 and 6).
+
+    A passage is looked for first, because most open pairs have one and bisection would never end on it.
+    """
+    n_open = is_open.sum()
+    found = Found(np.empty((MOST_PASSAGES * n_open, 14)), np.empty((n_open, 6), dtype=np.int64))
+    n_passages, n_undecided, image, kind = 0, 0, (0, 0, 0), 0
+    for k in range(len(pairs)):
+        if not is_open[k]:
+            continue
+        i, j = pairs[k, 0], pairs[k, 1]
+        if not local:
+            image = (images[k, 0], images[k, 1], images[k, 2])
+            kind = 1 if trace[i] == trace[j] else 2
+        start, end = corners_of(i, j, image, motion, edges)
+        state, count, meetings, signs = passages(start, end, placing)
+        rung, clearance = EXACT, 0.0
+        rho = relative_motion(start, end) + placing
+        if state == PASSES:
+            for n in range(count):
+                at = meetings[n]
+                sign = 1.0 if (signs >> n) & 1 else -1.0
+                write_passage(found.passages[n_passages], i, j, image, at, sign, rho, start, end)
+                n_passages += 1
+        else:
+            clearance = bisected_clearance(moving_pair(start, end, placing), rho)
+            if clearance > 0.0:
+                rung = BISECTION
+            elif state != FREE:
+                rung, row_of = OPEN, found.undecided[n_undecided]
+                row_of[0], row_of[1], row_of[5] = i, j, kind
+                row_of[2], row_of[3], row_of[4] = image
+                n_undecided += 1
+        best.rung_pairs[rung] += 1
+        keep_clearance(edges, i, j, kind, clearance, best)
+    return Found(found.passages[:n_passages], found.undecided[:n_undecided])
+
+
+@njit(cache=True, nogil=True)
+def write_passage(
+    out: FloatArray, i: int, j: int, image: Counts, at: Vector, sign: float, rho: float, start: Corners, end: Corners
+) -> None:
+    """Write one row of `Found.passages`."""
+    t, s, r = at
+    a, b = between(start[0], end[0], t), between(start[1], end[1], t)
+    first = min(norm(subtract(start[1], start[0])), norm(subtract(end[1], end[0])))
+    second = min(norm(subtract(start[3], start[2])), norm(subtract(end[3], end[2])))
+    out[0], out[1] = i, j
+    out[2], out[3], out[4] = image
+    out[5], out[6], out[7] = t, s, r
+    out[8], out[9], out[10] = between(a, b, s)
+    out[11], out[12], out[13] = sign, rho, min(first, second)
+
+
+@njit(cache=True, nogil=True)
+def passage_row(
+    i: int, j: int, image: Counts, at: Vector, sign: float, motion: StepMotion, edges: IntArray
+) -> FloatArray:
+    """Return the row of `Found.passages` of a passage that was found elsewhere."""
+    start, end = corners_of(i, j, image, motion, edges)
+    out = np.empty(14)
+    write_passage(out, i, j, image, at, sign, relative_motion(start, end), start, end)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def between(p: Vector, q: Vector, t: float) -> Vector:
+    """Return (1 - t)·p + t·q."""
+    return add(scale(1.0 - t, p), scale(t, q))
 
 
 @njit(cache=True, nogil=True)
@@ -235,11 +353,13 @@ def climb_pairs(
     slack: float,
     placing: float,
     best: Extremes,
+    is_open: BoolArray,
 ) -> float:
-    """Climb a list of pairs, and return the greatest drift of an image among them, Å.
+    """Climb a list of pairs up to rung 5, and return the greatest drift of an image among them, Å.
 
-    Where the list is not the local one, pairs that are local are passed over: they have been climbed already. A pair is
-    settled in full unless its cheap bounds show that it can change none of the step's extremes.
+    Pairs that no rung settles are marked in `is_open`. Where the list is not the local one, pairs that are local are
+    passed over: they have been climbed already. A pair is settled in full unless its cheap bounds show that it can
+    change none of the step's extremes.
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
@@ -277,7 +397,7 @@ def climb_pairs(
         if idle and not gap > 0.0:
             rung_pairs[RELATIVE_MOTION] += 1
         elif not idle:
-            settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, placing, best)
+            is_open[k] = not settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, placing, best)
     return greatest_drift
 
 
@@ -337,14 +457,20 @@ def measure_step(
 
     Guarantee
     ---------
-    Proven: if the rung is not OPEN, no two edges that do not share a vertex meet at any time of the step, in any image.
+    Proven: if the rung is not OPEN and no passage is found, no two edges that do not share a vertex meet at any time of
+    the step, in any image; and each passage that is found is one.
     """
     displacement, vertex = greatest_displacement(motion.x0, motion.x1)
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
     spheres = spheres_of(motion, edges)
     local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
-    climb_pairs(local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, placing, local)
+    local_open = np.zeros(len(local_pairs), dtype=np.bool_)
+    climb_pairs(
+        local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, placing, local, local_open
+    )
+    local_found = decide_open(local_pairs, no_images, local_open, True, motion, edges, trace, placing, local)
+    found = local_found
     meet_end_terms(motion, end_terms, placing, local)
     has_self, has_inter = has_pairs(trace, following, periodic)
     edge_length = mean_edge_length(spheres)
@@ -360,13 +486,24 @@ def measure_step(
         if not countable:
             break
         best = copy_extremes(local)
-        drift = climb_pairs(pairs, images, False, motion, edges, following, trace, spheres, slack, placing, best)
+        is_open = np.zeros(len(pairs), dtype=np.bool_)
+        drift = climb_pairs(
+            pairs, images, False, motion, edges, following, trace, spheres, slack, placing, best, is_open
+        )
+        others = decide_open(pairs, images, is_open, False, motion, edges, trace, placing, best)
+        found = both_found(local_found, others)
         wanted = max(best.least[1] if has_self else 0.0, best.least[2] if has_inter else 0.0)
         if wanted <= reach or reach >= widest:
             break
         reach = min(min(wanted, 2.0 * reach + 0.1 * edge_length), widest)
     needed = min(wanted, reach)
-    return conclude(best, displacement, vertex, drift, placing, reach, needed, countable, has_self, has_inter)
+    return conclude(best, displacement, vertex, drift, placing, reach, needed, countable, has_self, has_inter, found)
+
+
+@njit(cache=True, nogil=True)
+def both_found(one: Found, other: Found) -> Found:
+    """Return what two lists of pairs have found, together."""
+    return Found(np.concatenate((one.passages, other.passages)), np.concatenate((one.undecided, other.undecided)))
 
 
 @njit(cache=True, nogil=True)
@@ -428,6 +565,7 @@ def conclude(
     countable: bool,
     has_self: bool,
     has_inter: bool,
+    found: Found,
 ) -> StepMeasure:
     """Return the step's measure: the ball rungs, the rung of the step, and clearances capped at what was searched."""
     counts = best.rung_pairs.copy()
@@ -470,4 +608,5 @@ def conclude(
         rung,
         needed,
         countable,
+        found,
     )

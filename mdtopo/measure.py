@@ -1,15 +1,20 @@
 """From blocks of frames to step tables: the ladder over every step, and what follows from it."""
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Iterator
 
+import numpy as np
+
+from mdtopo.audit import changed_invariants
 from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
+from mdtopo.curves import step_motion
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
+from mdtopo.ladder import PLACING_ERROR
+from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.records import (
     Crossings,
     FrameBlock,
-    Motion,
+    MonitorConfig,
     PairClass,
     Reason,
     Rung,
@@ -19,7 +24,7 @@ from mdtopo.records import (
     Stretches,
     Verdict,
 )
-from mdtopo.typing import Flags, Indices, Lengths, Ratios
+from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, Ratios
 
 
 def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setting]:
@@ -37,35 +42,53 @@ def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setti
     Proven: see `measure_plan`.
     """
     plan, after = plan_block(block, setting)
-    return measure_plan(plan, setting.strands, setting.config.motion), after
+    return measure_plan(plan, setting.strands, setting.config), after
 
 
-def measure_plan(plan: BlockPlan, strands: Strands, motion: Motion) -> StepTable:
+def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> StepTable:
     """Return the measures of the steps of a planned block. It depends on its arguments alone; any thread may call it.
+
+    Raises
+    ------
+    AuditError
+        If the crossings of a step contradict its linking numbers or writhes: a bug.
 
     Guarantee
     ---------
     Proven: a step whose verdict is CERTIFIED has no two edges, of those that are left, that meet during the linear
-    motion between its two frames, in any periodic image. Steps that hold an unusable frame are UNRESOLVED.
+    motion between its two frames, in any periodic image; a step whose verdict is CROSSING has each crossing that is
+    listed. Steps that hold an unusable frame are UNRESOLVED.
     """
     columns = empty_columns(plan.block.n_steps)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
-    for part in plan.parts:
-        _measure_part(part, ~bad[part.steps], plan.block.cells is not None, motion == "rigid", columns)
-    return _table(plan, columns, bad, strands)
+    reasons = np.full(len(bad), Reason.NONE, dtype=np.int8)
+    crossings = [
+        table
+        for part in plan.parts
+        for table in _measure_part(plan, part, ~bad[part.steps], strands, config, columns, reasons)
+    ]
+    return _table(plan, columns, bad, reasons, Crossings.joined(crossings), strands, config)
 
 
-def _measure_part(part: Stretch, measurable: Flags, periodic: bool, rigid: bool, columns: Columns) -> None:
-    """Run the kernel over the steps of one part, and fill their rows."""
-    t, n_steps = part.traces, len(measurable)
-    rotations = np.tile(np.eye(3), (n_steps, 1, 1))
+def _measure_part(
+    plan: BlockPlan,
+    part: Stretch,
+    measurable: Flags,
+    strands: Strands,
+    config: MonitorConfig,
+    columns: Columns,
+    reasons: Codes,
+) -> Iterator[Crossings]:
+    """Run the kernel over the steps of one part, fill their rows, and yield the crossings of each."""
+    t, rigid, periodic = part.traces, config.motion == "rigid", plan.block.cells is not None
+    rotations = np.tile(np.eye(3), (len(measurable), 1, 1))
     if rigid:
         # about each strand's own centre where the image of a strand is arbitrary, else about the common one
         groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
         rotations = best_rotations(*covariances(part.frames.positions, measurable, t.vertices, groups))
     rows = columns.part(part.steps)
     rows.angle[:] = rotation_angles(rotations)
-    measure_steps(
+    starts, found = measure_steps(
         part.frames,
         measurable,
         periodic,
@@ -80,13 +103,54 @@ def _measure_part(part: Stretch, measurable: Flags, periodic: bool, rigid: bool,
         t.end_terms,
         rows,
     )
+    has_found = (starts[1:] > starts[:-1]).any(axis=1)
+    audited = has_found | config.audit if t.closed.any() else has_found
+    for k in np.flatnonzero(audited & (rows.rung >= 0) & ~np.isnan(rows.displacement)):
+        of_step = found.rows(starts[k], starts[k + 1])
+        step = _step_data(plan, part, int(k), rotations[k], rigid)
+        decided = decide_exactly(of_step, step, t.edges)
+        rows.settle(int(k), len(of_step.undecided), len(decided.open_pairs))
+        reasons[part.steps][k] = decided.reason
+        frames = plan.block.frames[part.steps.start + k : part.steps.start + k + 2]
+        changed = changed_invariants(step.motion, t, decided, f"frames {frames[0]}-{frames[1]}")
+        if len(decided.passages):
+            number = plan.block.first_step + part.steps.start + int(k)
+            yield crossing_table(decided, step, t, changed, number, frames, strands, config.resolution_length)
 
 
-def _table(plan: BlockPlan, columns: Columns, bad: Flags, strands: Strands) -> StepTable:
+def _step_data(plan: BlockPlan, part: Stretch, k: int, rotation: Cell, rigid: bool) -> StepData:
+    """Return step k of a part as the ladder has seen it, and as the frames hold it."""
+    frames, block, row = part.frames, plan.block, part.steps.start + k
+    motion = step_motion(
+        frames.positions[k],
+        frames.positions[k + 1],
+        frames.cells[k],
+        frames.cells[k + 1],
+        max(frames.placing[k], frames.placing[k + 1]),
+        block.cells is not None,
+        rigid,
+        rotation,
+        part.traces.vertices,
+        part.traces.offsets,
+    )
+    cells = None if block.cells is None else (block.cells[row], block.cells[row + 1])
+    return StepData(motion, (block.positions[row], block.positions[row + 1]), cells, rigid)
+
+
+def _table(
+    plan: BlockPlan,
+    columns: Columns,
+    bad: Flags,
+    reasons: Codes,
+    crossings: Crossings,
+    strands: Strands,
+    config: MonitorConfig,
+) -> StepTable:
     block = plan.block
     measured = ~np.isnan(columns.displacement)
     clearance, pair = _least_clearance(columns)
-    verdict, reason = _verdicts(columns, measured, bad)
+    n_crossings = np.bincount(crossings.step - block.first_step, minlength=block.n_steps)
+    verdict, reason = _verdicts(columns, measured, bad, reasons, n_crossings)
     stretch, stretch_edge = _greatest_stretch(plan.ratios, strands.edges)
     with np.errstate(divide="ignore", invalid="ignore"):
         interval = (block.times[1:] - block.times[:-1]) / columns.ratio
@@ -96,7 +160,7 @@ def _table(plan: BlockPlan, columns: Columns, bad: Flags, strands: Strands) -> S
         stretches=_stretches(plan, strands),
         broken=plan.broken,
         problems=plan.problems,
-        crossings=Crossings.none(),
+        crossings=crossings,
         frame_t0=block.frames[:-1],
         frame_t1=block.frames[1:],
         time_t0=block.times[:-1],
@@ -124,9 +188,9 @@ def _table(plan: BlockPlan, columns: Columns, bad: Flags, strands: Strands) -> S
         bond_stretch_edge=stretch_edge,
         certifiable_interval=interval,
         verdict=verdict,
-        scope=np.where(verdict == Verdict.CERTIFIED, Scope.STORED, Scope.NONE).astype(np.int8),
-        n_crossings=np.zeros(len(verdict), dtype=np.int64),
-        image_jumps=np.zeros(len(verdict), dtype=np.int64),
+        scope=_scopes(verdict, clearance, block, config),
+        n_crossings=n_crossings,
+        image_jumps=_image_jumps(plan),
         rung=columns.rung.astype(np.int8),
         reason=reason,
         rung_pairs=columns.rung_pairs,
@@ -141,14 +205,46 @@ def _least_clearance(columns: Columns) -> tuple[Lengths, Indices]:
     return np.where(np.isinf(least), np.nan, least), columns.clearance_witness[rows, kind]
 
 
-def _verdicts(columns: Columns, measured: Flags, bad: Flags) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
+def _verdicts(
+    columns: Columns, measured: Flags, bad: Flags, reasons: Codes, n_crossings: Indices
+) -> tuple[Codes, Codes]:
     """Return verdict and reason of each step; CERTIFIED only where the kernel ran and every pair was settled."""
-    certified = measured & (columns.rung != Rung.OPEN)
-    verdict = np.where(certified, Verdict.CERTIFIED, Verdict.UNRESOLVED).astype(np.int8)
+    certified = measured & (columns.rung != Rung.OPEN) & (n_crossings == 0)
+    verdict = np.select(
+        [n_crossings > 0, certified], [Verdict.CROSSING, Verdict.CERTIFIED], default=Verdict.UNRESOLVED
+    ).astype(np.int8)
     reason = np.select(
-        [certified, bad, ~columns.cell_ok], [Reason.NONE, Reason.BAD_DATA, Reason.CELL], default=Reason.LADDER
+        [bad, columns.jump >= 0, ~columns.cell_ok, verdict != Verdict.UNRESOLVED, reasons != Reason.NONE],
+        [Reason.BAD_DATA, Reason.IMAGE_JUMP, Reason.CELL, Reason.NONE, reasons],
+        default=Reason.LADDER,
     ).astype(np.int8)
     return verdict, reason
+
+
+def _scopes(verdict: Codes, clearance: Lengths, block: FrameBlock, config: MonitorConfig) -> Codes:
+    """Return what each certificate is about.
+
+    Guarantee
+    ---------
+    Proven: each of two points is off by η at most, and by the rounding of a turned coordinate; so a clearance above
+    twice that leaves room for what the file rounded away. Without a pair there is nothing to hit.
+    """
+    error = np.full(len(verdict), config.coordinate_error or 0.0)
+    if config.motion == "rigid" or block.cells is not None:
+        greatest = np.abs(block.positions).max(axis=(1, 2))
+        if block.cells is not None:
+            greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
+        error += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
+    clear = np.isnan(clearance) | (clearance > 2.0 * error)
+    certified = verdict == Verdict.CERTIFIED
+    return np.select([~certified, clear], [Scope.NONE, Scope.MOTION], default=Scope.STORED).astype(np.int8)
+
+
+def _image_jumps(plan: BlockPlan) -> Indices:
+    jumps = np.zeros(plan.block.n_steps, dtype=np.int64)
+    for part in plan.parts:
+        jumps[part.steps] = part.frames.jumps[1:]
+    return jumps
 
 
 def _greatest_stretch(ratios: Ratios, edges: Indices) -> tuple[Ratios, Indices]:

@@ -159,7 +159,7 @@ def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Ite
                 plan, failure = None, error
             if plan is None:
                 break
-            waiting.append(pool.submit(measure_plan, plan, setting.strands, setting.config.motion))
+            waiting.append(pool.submit(measure_plan, plan, setting.strands, setting.config))
             while len(waiting) > 2 * threads or (waiting and waiting[0].done()):
                 yield waiting.popleft().result()
         while waiting:

@@ -30,6 +30,18 @@ SEED = int(os.environ.get("MDTOPO_CAMPAIGN_SEED", "1"))
 PERIODIC_SHARE = 0.001
 """Of a long campaign, for each periodic family: a step in a cell costs some hundred times as much to judge."""
 
+MOST_UNRESOLVED = 1e-4
+
+DEGENERATE = {
+    "lattice points": "common points, overlaps and edges without length are frequent among small integers",
+    "coplanar": "all points in one plane, or in one but for rounding",
+    "far away": "all heights are a few units in the last place, so that edges often touch in a frame",
+}
+"""Families in which edges touch without passing, by design and exactly; such a step has to be UNRESOLVED."""
+
+WITHIN_ROUNDING = set(PERIODIC_FAMILIES) - {"clear of rounding"}
+"""Their gaps go down to units in the last place, and what is placed by whole cells is known to some 64 of these."""
+
 
 PLACED = 1024 * 2.0**-53
 """What a position may be off by once whole cells were added, as a share of the greatest number: 64 roundings, and some
@@ -40,16 +52,17 @@ def generator(name: str, seed: int, block: int) -> Generator:
     return np.random.default_rng([zlib.crc32(name.encode()), seed, block])
 
 
-def said(name: str, count: Count) -> None:
+def said(name: str, count: Count, may_hide: bool) -> None:
     print("\n" + count.sentence(name))  # noqa: T201 - how many steps a campaign judged is its result
     assert not count.false, count.false[0]
+    assert may_hide or count.unresolved <= MOST_UNRESOLVED * count.steps
 
 
 def campaign(name: str, blocks: int, seed: int) -> None:
     total = Count()
     for block in range(blocks):
         total += judged_pairs(*FAMILIES[name](generator(name, seed, block), BLOCK), PAIR_STRANDS)
-    said(name, total)
+    said(name, total, name in DEGENERATE)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -88,7 +101,7 @@ def periodic_campaign(name: str, steps: int, seed: int) -> None:
     total = Count()
     for block, start in enumerate(range(0, steps, BLOCK)):
         total += judged_in_cells(name, generator(name, seed, block), min(BLOCK, steps - start))
-    said(name, total)
+    said(name, total, name in WITHIN_ROUNDING)
 
 
 @pytest.mark.parametrize("name", PERIODIC_FAMILIES)

@@ -29,7 +29,7 @@ def wrap(x: Points, cell: Points) -> Points:
 
 
 def whole(x: Points, cell: Points) -> tuple[Points, Points]:
-    found, basis, winding, _ = whole_strands(x, cell, T.vertices, T.offsets, T.closed)
+    found, basis, winding, *_ = whole_strands(x, cell, T.vertices, T.offsets, T.closed)
     assert not winding.any()
     return found, basis
 
@@ -162,5 +162,5 @@ def test_a_cell_that_changes_too_much_is_said_to_be_unusable(factor: float, usab
 def test_a_ring_through_the_boundary_has_a_winding() -> None:
     x = strands()
     x[12:] = [[0, 0, 0], [3.5, 0, 0], [7.0, 0, 0], [10.5, 0, 0]]
-    *_, winding, _ = whole_strands(x, CELLS["cube"], T.vertices, T.offsets, T.closed)
+    _, _, winding, *_ = whole_strands(x, CELLS["cube"], T.vertices, T.offsets, T.closed)
     assert winding.tolist() == [[0, 0, 0], [0, 0, 0], [1, 0, 0]]

@@ -1,0 +1,150 @@
+"""The self-audit: the crossings of a step must explain how its invariants change.
+
+For closed strands the signed crossings between two of them equal the change of their linking number, and a self
+crossing changes the writhe by 2 at its instant. Both are computed from positions alone, by code that the ladder does
+not use. What disagrees is a bug, and said so. What agrees tells more: two strands whose linking number has changed, or
+a strand whose knot determinant has, passed through each other on any path between the two frames.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.curves import StepMotion
+from mdtopo.errors import AuditError, InputError
+from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
+from mdtopo.passages import Decided, Meeting, meeting_of
+from mdtopo.records import Traces
+from mdtopo.typing import Points
+
+INSTANTS = (1e-6, 1e-8, 1e-4)
+"""How long before and after a self crossing the writhe is taken, as a share of the step; one that agrees will do.
+
+The writhe also changes steadily, and other crossings may be near: the first is small enough for almost all.
+"""
+
+HOME = (0, 0, 0)
+
+
+def changed_invariants(motion: StepMotion, traces: Traces, decided: Decided, where: str) -> set[Meeting]:
+    """Return which closed traces have an invariant that differs between the two frames of a step.
+
+    Parameters
+    ----------
+    motion : StepMotion
+    traces : Traces
+    decided : Decided
+        The step's passages; what an undecided pair touches is not audited.
+    where : str
+        Names the step in an error.
+
+    Returns
+    -------
+    set of Meeting
+        Pairs of traces (with the image of the second) whose linking number differs, and traces, as pairs with
+        themselves, whose knot determinant differs.
+
+    Raises
+    ------
+    AuditError
+        If passages and invariants contradict each other.
+    """
+    if not traces.closed.any():
+        return set()
+    events: dict[Meeting, list[tuple[float, int]]] = defaultdict(list)
+    for row in decided.passages:
+        events[meeting_of(row, traces)].append((float(row[5]), int(row[11])))
+    unknown = {meeting_of(row, traces) for row in decided.open_pairs}
+    changed = set()
+    for meeting in sorted(set(close_rings(motion, traces)) | events.keys()):
+        a, b, image = meeting
+        if meeting in unknown or not (traces.closed[a] and traces.closed[b]):
+            continue
+        if a == b and image == HOME:
+            differs = bool(events[meeting]) and _is_knotted_anew(motion, traces, a, events[meeting], where)
+        else:
+            differs = _is_linked_anew(motion, traces, meeting, sum(sign for _, sign in events[meeting]), where)
+        if differs:
+            changed.add(meeting)
+    return changed
+
+
+def close_rings(motion: StepMotion, traces: Traces) -> Iterator[Meeting]:
+    """Yield the pairs of closed traces, and of a trace with its own images, whose boxes overlap at one end at least."""
+    rings = np.flatnonzero(traces.closed)
+    periodic = bool(motion.cell0.any())
+    reach = [_fractional_boxes(x, cell, traces, rings, periodic) for x, cell in _ends(motion)]
+    low = np.minimum(*(np.ceil(mins[:, None] - maxs[None]) for mins, maxs in reach)).astype(np.int64)
+    high = np.maximum(*(np.floor(maxs[:, None] - mins[None]) for mins, maxs in reach)).astype(np.int64)
+    if not periodic:  # there is one image, and it overlaps or does not
+        low, high = np.maximum(low, 0), np.minimum(high, 0)
+    for p, q in np.argwhere((low <= high).all(axis=2)):
+        if p > q:
+            continue
+        x, y, z = (range(m, n + 1) for m, n in zip(low[p, q].tolist(), high[p, q].tolist(), strict=True))
+        for image in product(x, y, z):
+            if p < q or image > HOME:
+                mirrored = (-image[0], -image[1], -image[2])
+                yield min((int(rings[p]), int(rings[q]), image), (int(rings[q]), int(rings[p]), mirrored))
+
+
+def _ends(motion: StepMotion) -> tuple[tuple[Points, Points], tuple[Points, Points]]:
+    return (motion.x0, motion.cell0), (motion.x1, motion.cell1)
+
+
+def _fractional_boxes(
+    x: Points, cell: Points, traces: Traces, rings: NDArray[np.intp], periodic: bool
+) -> tuple[Points, Points]:
+    """Return the least and greatest coordinates of each ring, in units of the cell where there is one."""
+    scaled = np.linalg.solve(cell.T, x.T).T if periodic else x
+    members = [scaled[traces.vertices[traces.offsets[g] : traces.offsets[g + 1]]] for g in rings]
+    return np.array([m.min(axis=0) for m in members]), np.array([m.max(axis=0) for m in members])
+
+
+def _ring(x: Points, traces: Traces, g: int) -> Points:
+    return x[traces.vertices[traces.offsets[g] : traces.offsets[g + 1]]]
+
+
+def _is_linked_anew(motion: StepMotion, traces: Traces, meeting: Meeting, signs: int, where: str) -> bool:
+    """Return whether a linking number differs between the frames, after a look whether the passages explain it."""
+    a, b, image = meeting
+    try:
+        before, after = (
+            linking_number(_ring(x, traces, a), _ring(x, traces, b) + np.array(image) @ cell)
+            for x, cell in _ends(motion)
+        )
+    except InputError:  # they touch in a frame, and have no linking number there
+        return False
+    if after - before != signs:
+        raise AuditError(
+            f"Self-audit, {where}: the linking number of rings {a} and {b} (image {image}) goes from {before} to "
+            f"{after}, but their signed crossings add up to {signs:+d}. This is a bug in mdtopo; please report it."
+        )
+    return before != after
+
+
+def _is_knotted_anew(
+    motion: StepMotion, traces: Traces, ring: int, events: list[tuple[float, int]], where: str
+) -> bool:
+    """Return whether a knot determinant differs, after a look whether the writhe jumps at each self crossing."""
+    x0, x1 = _ring(motion.x0, traces, ring), _ring(motion.x1, traces, ring)
+    for t, _ in events:
+        if not any(_jumps_rightly(x0, x1, t, min(span, t, 1.0 - t), events) for span in INSTANTS):
+            raise AuditError(
+                f"Self-audit, {where}: the writhe of ring {ring} does not jump by 2 at its self crossing at "
+                f"t = {t:.12g}. This is a bug in mdtopo; please report it."
+            )
+    try:
+        return knot_determinant(x0) != knot_determinant(x1)
+    except InputError:  # it touches itself in a frame
+        return False
+
+
+def _jumps_rightly(x0: Points, x1: Points, t: float, span: float, events: list[tuple[float, int]]) -> bool:
+    """Return whether the writhe changes, within so much time, by twice the signs of the crossings; within a half."""
+    before, after = (writhe((1.0 - s) * x0 + s * x1) for s in (t - span, t + span))
+    expected = 2 * sum(sign for time, sign in events if abs(time - t) < span)
+    return abs(after - before - expected) < 0.5
