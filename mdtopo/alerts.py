@@ -6,6 +6,7 @@ alone, not on how its frames were cut into blocks. Of a stretched edge the onset
 comes before a fracture, and would be late otherwise.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,8 @@ from mdtopo.records import (
     Alert,
     AlertKind,
     BrokenEdge,
+    Crossing,
+    Grade,
     MonitorConfig,
     Reason,
     Rung,
@@ -32,7 +35,21 @@ SEVERITY = {
     AlertKind.STRETCH: Severity.WARNING,
     AlertKind.BAD_DATA: Severity.WARNING,
     AlertKind.FRACTURE: Severity.CRITICAL,
+    AlertKind.IMAGE_JUMP: Severity.INFO,
     AlertKind.GAP: Severity.INFO,
+}
+
+CROSSING_SEVERITY = {
+    Grade.PROVEN: Severity.CRITICAL,
+    Grade.RESOLVED: Severity.CRITICAL,
+    Grade.UNDERSAMPLED: Severity.WARNING,
+}
+
+UNDECIDED = {
+    Reason.TOUCH: "two edges touch, and neither passes",
+    Reason.VERTEX: "two edges meet at a vertex",
+    Reason.SLIDING: "two edges are parallel where they come together, or stay in one plane",
+    Reason.FRAME: "two edges touch in one of the two frames",
 }
 
 UNITS = {"pair": "", "nu": "", "clearance": " Å"}
@@ -41,7 +58,10 @@ CRITERIA = {"pair": "pair ratio", "nu": "2m/ν", "clearance": "clearance"}
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One step's contribution to an event: `badness` orders the steps of an event, the greatest is its peak."""
+    """One step's contribution to an event: `badness` orders the steps of an event, the greatest is its peak.
+
+    `severity` stands where the kind alone does not say it.
+    """
 
     kind: AlertKind
     key: str
@@ -53,6 +73,7 @@ class Finding:
     value: float | None
     limit: float | None
     detail: str
+    severity: Severity | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +165,8 @@ class AlertStream:
         yield from _in_order(closed)
 
     def _ends_at(self, event: Event) -> int:
-        """Return the step that is one quiet step too many for the event to go on; a fracture never goes on."""
-        if event.first.kind is AlertKind.FRACTURE:
+        """Return the step that is one quiet step too many for the event to go on; what happens once never goes on."""
+        if event.first.kind in (AlertKind.FRACTURE, AlertKind.CROSSING):
             return event.last.step
         return event.last.step + self._config.merge_steps + 1
 
@@ -158,7 +179,9 @@ class AlertStream:
 
     def _findings(self, table: StepTable) -> Iterator[Finding]:
         yield from self._near_limit(table)
+        yield from self._crossed(table)
         yield from self._unresolved(table)
+        yield from self._jumped(table)
         yield from self._stretched(table)
         for edge in table.broken:
             yield self._broken(table, edge)
@@ -186,6 +209,28 @@ class AlertStream:
                 detail,
             )
 
+    def _crossed(self, table: StepTable) -> Iterator[Finding]:
+        seen: Counter[str] = Counter()
+        for crossing in table.crossings:
+            row = crossing.step - table.first_step
+            pair = f"{crossing.edges[0, 0]}-{crossing.edges[1, 0]}"
+            place = f"{crossing.step}:{pair}"
+            key = f"{pair}-{seen[place]}" if seen[place] else pair
+            seen[place] += 1
+            spacing = float(table.time_t1[row] - table.time_t0[row])
+            finding = self._finding(
+                table, row, AlertKind.CROSSING, key, crossing.edges.ravel(), crossing.motion, crossing.motion,
+                crossing.resolution, _crossing_in_words(crossing, spacing),
+            )  # fmt: skip
+            yield replace(finding, severity=CROSSING_SEVERITY[crossing.grade])
+
+    def _jumped(self, table: StepTable) -> Iterator[Finding]:
+        for row in np.flatnonzero(table.image_jumps > 0):
+            count = int(table.image_jumps[row])
+            edges = "1 edge jumps" if count == 1 else f"{count} edges jump"
+            detail = f"{edges} to another periodic image in the file; mdtopo has made the strands whole"
+            yield self._finding(table, int(row), AlertKind.IMAGE_JUMP, "", [], float(count), float(count), None, detail)
+
     def _unresolved(self, table: StepTable) -> Iterator[Finding]:
         for row in np.flatnonzero(table.verdict == Verdict.UNRESOLVED):
             reason = Reason(int(table.reason[row]))
@@ -193,10 +238,17 @@ class AlertStream:
                 detail = f"not measured: {table.problems[row]}"
                 yield self._finding(table, int(row), AlertKind.BAD_DATA, "", [], 0.0, None, None, detail)
                 continue
+            if reason is Reason.IMAGE_JUMP:
+                detail = f"undecided: {table.problems[row]}"
+                finding = self._finding(table, int(row), AlertKind.IMAGE_JUMP, "lost", [], 0.0, None, None, detail)
+                yield replace(finding, severity=Severity.WARNING)
+                continue
             ratio, pair = float(table.pair_ratio[row]), table.pair_ratio_pair[row]
             if reason is Reason.CELL:
                 detail = "undecided: the periodic cell changes too much within the step to count images"
                 ratio = 0.0
+            elif reason in UNDECIDED:
+                detail = f"undecided: {UNDECIDED[reason]}: {self._pair_in_words(table.clearance_pair[row])}"
             else:
                 count = int(table.rung_pairs[row, Rung.OPEN])
                 pairs = "1 pair of edges" if count == 1 else f"{count} pairs of edges"
@@ -269,7 +321,7 @@ class AlertStream:
         alert = Alert(
             id=f"{first.kind}-{first.step}{suffix}",
             kind=first.kind,
-            severity=SEVERITY[first.kind],
+            severity=max(_severity(f) for f in (first, peak, last)),
             step_start=first.step,
             step_peak=peak.step,
             step_end=last.step,
@@ -284,6 +336,31 @@ class AlertStream:
             message="",
         )
         return replace(alert, message=f"{_when(event)}{peak.detail}.")
+
+
+def _severity(finding: Finding) -> Severity:
+    return SEVERITY[finding.kind] if finding.severity is None else finding.severity
+
+
+def _crossing_in_words(crossing: Crossing, spacing: float) -> str:
+    """Return what passes through what, where, and what it says about the physics; `spacing` of the frames in ps."""
+    first, second = crossing.strands
+    what = f"{first} passes through {'itself' if first == second else second}"
+    place = (
+        f"{crossing.residues[0]} x {crossing.residues[1]}, t = {crossing.t:.6g} of the step, sign {crossing.sign:+d}"
+    )
+    if crossing.grade is Grade.PROVEN:
+        changed = "knot determinant" if first == second and not crossing.image.any() else "linking number"
+        return f"{what} at {place}; proven: the {changed} changes between the frames, whatever the path"
+    motion = f"the two edges move {crossing.motion:.3g} Å relative to each other"
+    if crossing.grade is Grade.RESOLVED:
+        return f"{what} at {place}; resolved: {motion}, less than the resolution length {crossing.resolution:.3g} Å"
+    interval = spacing * crossing.resolution / crossing.motion
+    cure = f"; frames every {interval:.3g} ps would tell" if np.isfinite(interval) else ""
+    return (
+        f"on straight paths {what} at {place}; undersampled: {motion}, beyond the resolution length "
+        f"{crossing.resolution:.3g} Å, so that it may be a detour{cure}"
+    )
 
 
 def _in_order(alerts: list[tuple[int, Alert]]) -> Iterator[Alert]:

@@ -159,7 +159,7 @@ def _table(
         first_step=block.first_step,
         stretches=_stretches(plan, strands),
         broken=plan.broken,
-        problems=plan.problems,
+        problems=_problems(plan, columns),
         crossings=crossings,
         frame_t0=block.frames[:-1],
         frame_t1=block.frames[1:],
@@ -238,6 +238,19 @@ def _scopes(verdict: Codes, clearance: Lengths, block: FrameBlock, config: Monit
     clear = np.isnan(clearance) | (clearance > 2.0 * error)
     certified = verdict == Verdict.CERTIFIED
     return np.select([~certified, clear], [Scope.NONE, Scope.MOTION], default=Scope.STORED).astype(np.int8)
+
+
+def _problems(plan: BlockPlan, columns: Columns) -> tuple[str, ...]:
+    """Return what is wrong with each step in words, where an edge is lost among its images too."""
+    problems = list(plan.problems)
+    for part in plan.parts:
+        for k in np.flatnonzero(columns.jump[part.steps] >= 0):
+            a, b = part.traces.edges[columns.jump[part.steps][k]]
+            problems[part.steps.start + k] = (
+                f"the edge of vertices {a} and {b} is about half a cell long and jumps by a lattice vector, so that "
+                "nobody can tell which image it joins"
+            )
+    return tuple(problems)
 
 
 def _image_jumps(plan: BlockPlan) -> Indices:

@@ -32,14 +32,23 @@ def headline(summary: RunSummary) -> str:
     text = HEADLINES[summary.verdict]
     counts = summary.counts
     if summary.verdict is RunVerdict.FAIL:
-        found = [_count(counts.crossed, "step with a crossing", "steps with a crossing")] if counts.crossed else []
+        found = [_crossings(summary)] if any(summary.crossings.values()) else []
         found += [_count(summary.n_fractures, "broken edge", "broken edges")] if summary.n_fractures else []
         text = f"{' and '.join(found)}; see the alerts."
+    if summary.verdict is RunVerdict.UNPROVEN and counts.crossed:
+        text = f"{_crossings(summary)}: the frames are too far apart to tell a passage from a detour."
+        if counts.unresolved:
+            text += f" {_count(counts.unresolved, 'step is', 'steps are')} not decided."
     if summary.stopped and summary.verdict is RunVerdict.UNPROVEN:
         text = "the trajectory could not be read to its end; the counts are of what was read."
     if not counts.steps:
         text = "there is no step to look at: a step needs two frames."
     return f"{summary.verdict.value}: {text}"
+
+
+def _crossings(summary: RunSummary) -> str:
+    grades = [f"{n} {grade.name.lower()}" for grade, n in sorted(summary.crossings.items(), reverse=True) if n]
+    return f"{_count(sum(summary.crossings.values()), 'crossing', 'crossings')} ({', '.join(grades)})"
 
 
 def _count(number: int, one: str, many: str) -> str:
@@ -79,7 +88,7 @@ def _count_lines(summary: RunSummary, config: MonitorConfig) -> Iterator[str]:
         ("  proved by pairs", counts.pairs, "every pair of edges was shown to stay apart"),
         ("  near the limit", counts.near_limit, near),
         ("  unresolved", counts.unresolved, "not decided, or the data were unusable"),
-        ("  crossed", counts.crossed, "(crossings are not located yet: such a step is unresolved)"),
+        ("  crossed", counts.crossed, "straight paths between the frames pass through each other"),
     ]
     width = max(len(str(number)) for _, number, _ in table)
     yield from aligned([(name, f"{number:{width}d}  {meaning}") for name, number, meaning in table])

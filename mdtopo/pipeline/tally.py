@@ -7,7 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from mdtopo.alerts import count_steps
-from mdtopo.records import MonitorConfig, RunSummary, RunVerdict, Severity, StepCounts, StepTable, Verdict, run_verdict
+from mdtopo.records import (
+    Grade,
+    MonitorConfig,
+    RunSummary,
+    RunVerdict,
+    Severity,
+    StepCounts,
+    StepTable,
+    Verdict,
+    run_verdict,
+)
 from mdtopo.typing import Ratios
 
 
@@ -26,6 +36,7 @@ class Tally:
 
     config: MonitorConfig
     counts: StepCounts = field(default_factory=StepCounts)
+    crossings: Counter[Grade] = field(default_factory=Counter)
     n_fractures: int = 0
     alerts: Counter[Severity] = field(default_factory=Counter)
     clearance: tuple[float, int] = (np.nan, -1)
@@ -34,6 +45,7 @@ class Tally:
     def add(self, table: StepTable) -> None:
         """Count the steps of a table."""
         self.counts += count_steps(table, self.config)
+        self.crossings.update(Grade(grade) for grade in table.crossings.grade.tolist())
         self.n_fractures += len(table.broken)
         proved = np.where(table.verdict == Verdict.CERTIFIED, table.clearance, np.nan)
         self.clearance = _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
@@ -42,12 +54,13 @@ class Tally:
     def summary(self, results: Path | None, stopped: str) -> RunSummary:
         """Return the summary of the run."""
         warnings = self.alerts[Severity.WARNING] + self.alerts[Severity.CRITICAL]
-        verdict = run_verdict(self.counts, self.n_fractures, warnings)
+        verdict = run_verdict(self.counts, self.crossings, self.n_fractures, warnings)
         if stopped and verdict in (RunVerdict.PASS, RunVerdict.WARN):
             verdict = RunVerdict.UNPROVEN  # nobody saw the rest
         alerts = {severity: self.alerts[severity] for severity in Severity}
+        crossings = {grade: self.crossings[grade] for grade in Grade}
         return RunSummary(
-            verdict, self.counts, self.n_fractures, alerts, *self.clearance, *self.ratio, results, stopped
+            verdict, self.counts, crossings, self.n_fractures, alerts, *self.clearance, *self.ratio, results, stopped
         )
 
 

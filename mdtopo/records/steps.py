@@ -206,7 +206,9 @@ class StepTable:
     verdict: Codes = _column("", "CERTIFIED, CROSSING or UNRESOLVED", Verdict)
     scope: Codes = _column("", "whether a certificate holds for the stored data only, or before rounding too", Scope)
     n_crossings: Indices = _column("", "crossings of the step", dtype=np.int64)
-    image_jumps: Indices = _column("", "vertices whose stored coordinates jump by a lattice vector", dtype=np.int64)
+    image_jumps: Indices = _column(
+        "", "edges whose stored vector jumps by a lattice vector; strands are made whole all the same", dtype=np.int64
+    )
     rung: Codes = _column("", "the costliest rung that a pair of this step needed", Rung)
     reason: Codes = _column("", "why the step is UNRESOLVED", Reason)
     rung_pairs: Indices = _column(

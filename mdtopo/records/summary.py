@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mdtopo.records.alerts import Severity
+from mdtopo.records.crossings import Grade
 
 
 class RunVerdict(StrEnum):
@@ -34,7 +35,7 @@ class StepCounts:
     unresolved : int
         Not decided.
     crossed : int
-        With a crossing.
+        With a crossing of the straight paths.
     """
 
     ball: int = 0
@@ -66,9 +67,12 @@ class RunSummary:
     ----------
     verdict : RunVerdict
         PASS (every step proved), WARN (proved, with near-limit steps or stretched edges), UNPROVEN (some steps are
-        undecided, or there was none), FAIL (a crossing or a fracture).
+        undecided, or sampled too coarsely to tell a passage from a detour, or there was none), FAIL (a proven or
+        resolved crossing, or a fracture).
     counts : StepCounts
         The five counts.
+    crossings : mapping of Grade to int
+        How many crossings were found.
     n_fractures : int
         Edges that broke.
     alerts : mapping of Severity to int
@@ -85,6 +89,7 @@ class RunSummary:
 
     verdict: RunVerdict
     counts: StepCounts
+    crossings: Mapping[Grade, int]
     n_fractures: int
     alerts: Mapping[Severity, int]
     clearance: float
@@ -109,6 +114,7 @@ class RunSummary:
             "verdict": self.verdict.value,
             "counts": asdict(self.counts),
             "n_steps": self.n_steps,
+            "crossings": {grade.name.lower(): count for grade, count in self.crossings.items()},
             "n_fractures": self.n_fractures,
             "alerts": {severity.name.lower(): count for severity, count in self.alerts.items()},
             "clearance": finite(self.clearance),
@@ -119,11 +125,14 @@ class RunSummary:
         }
 
 
-def run_verdict(counts: StepCounts, n_fractures: int, n_warnings: int) -> RunVerdict:
-    """Return the headline of a run from its counts; a run without a single step proves nothing."""
-    if counts.crossed or n_fractures:
+def run_verdict(counts: StepCounts, crossings: Mapping[Grade, int], n_fractures: int, n_warnings: int) -> RunVerdict:
+    """Return the headline of a run from its counts; a run without a single step proves nothing.
+
+    A crossing between frames that are too far apart may be a detour: it leaves the run unproven, and fails nothing.
+    """
+    if crossings.get(Grade.PROVEN, 0) or crossings.get(Grade.RESOLVED, 0) or n_fractures:
         return RunVerdict.FAIL
-    if counts.unresolved or not counts.steps:
+    if counts.crossed or counts.unresolved or not counts.steps:
         return RunVerdict.UNPROVEN
     if counts.near_limit or n_warnings:
         return RunVerdict.WARN

@@ -13,7 +13,9 @@ from mdtopo.records import (
     Alert,
     AlertKind,
     BrokenEdge,
+    Crossings,
     Gap,
+    Grade,
     MonitorConfig,
     Reason,
     Rung,
@@ -29,7 +31,14 @@ STRANDS = Strands.from_lengths([4, 4], names=["one", "two"])
 PAIR = np.array([[0, 1], [4, 5]])
 
 
-def table(n: int, *, first_step: int = 0, stretched: tuple[tuple[int, float], ...] = (), **columns: Any) -> StepTable:
+def table(
+    n: int,
+    *,
+    first_step: int = 0,
+    stretched: tuple[tuple[int, float], ...] = (),
+    crossings: Crossings | None = None,
+    **columns: Any,
+) -> StepTable:
     """Return n certified steps with nothing near a limit, except for what the columns say."""
     values = {c.name: np.zeros((n, *c.shape), dtype=c.dtype) for c in StepTable.columns()}
     steps = np.arange(first_step, first_step + n)
@@ -45,7 +54,40 @@ def table(n: int, *, first_step: int = 0, stretched: tuple[tuple[int, float], ..
         np.full(len(stretched), 1.2),
     )
     broken: tuple[BrokenEdge, ...] = ()
-    return StepTable(first_step=first_step, stretches=stretches, broken=broken, problems=("",) * n, **values)  # type: ignore[arg-type]
+    return StepTable(
+        first_step=first_step,
+        stretches=stretches,
+        broken=broken,
+        problems=("",) * n,
+        crossings=Crossings.none() if crossings is None else crossings,
+        **values,  # type: ignore[arg-type]
+    )
+
+
+def passing(step: int, grade: Grade, *, edges: object = PAIR, image: tuple[int, int, int] = (0, 0, 0)) -> Crossings:
+    """Return one crossing of a step, in which the edges move 2.5 Å; the resolution length is 1 Å."""
+    return Crossings(
+        strands=STRANDS,
+        step=np.array([step]),
+        frame_t0=np.array([step]),
+        frame_t1=np.array([step + 1]),
+        t=np.array([0.25]),
+        edges=np.array([edges]),
+        parameters=np.array([[0.5, 0.5]]),
+        point=np.zeros((1, 3)),
+        sign=np.array([-1]),
+        image=np.array([image]),
+        grade=np.array([grade], dtype=np.int8),
+        object=np.zeros(1, dtype=np.int8),
+        motion=np.array([2.5]),
+        resolution=np.array([1.0]),
+    )
+
+
+def crossed(*found: Crossings, n: int = 4) -> StepTable:
+    joined = Crossings.joined(found)
+    verdict = np.where(np.isin(np.arange(n), joined.step), Verdict.CROSSING, Verdict.CERTIFIED)
+    return table(n, crossings=joined, verdict=verdict, n_crossings=np.bincount(joined.step, minlength=n))
 
 
 def alerts_of(*tables: StepTable, config: MonitorConfig | None = None, strands: Strands = STRANDS) -> list[Alert]:
@@ -158,3 +200,70 @@ def test_alerts_do_not_depend_on_how_steps_are_cut_into_blocks(
     whole = alerts_of(table_of(steps), config=config)
     assert alerts_of(*blocks, config=config) == whole
     assert len({alert.id for alert in whole}) == len(whole)
+
+
+# --- crossings and image jumps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("grade", "severity", "words"),
+    [
+        (Grade.PROVEN, Severity.CRITICAL, "proven: the linking number changes between the frames"),
+        (Grade.RESOLVED, Severity.CRITICAL, "less than the resolution length 1 Å"),
+        (Grade.UNDERSAMPLED, Severity.WARNING, "it may be a detour; frames every 0.8 ps would tell"),
+    ],
+)
+def test_a_crossing_is_an_alert_that_says_its_grade(grade: Grade, severity: Severity, words: str) -> None:
+    (alert,) = alerts_of(crossed(passing(2, grade)))
+    assert (alert.kind, alert.severity, alert.id) == (AlertKind.CROSSING, severity, "crossing-2-0-4")
+    assert (alert.step_start, alert.step_end, alert.value, alert.limit) == (2, 2, 2.5, 1.0)
+    assert alert.strands == ("one", "two")
+    assert "one passes through two at" in alert.message
+    assert "t = 0.25 of the step, sign -1" in alert.message
+    assert words in alert.message
+
+
+def test_a_proven_self_crossing_speaks_of_the_knot_and_one_with_an_image_of_the_link() -> None:
+    own = np.array([[0, 1], [2, 3]])
+    (knotted,) = alerts_of(crossed(passing(1, Grade.PROVEN, edges=own)))
+    (linked,) = alerts_of(crossed(passing(1, Grade.PROVEN, edges=own, image=(1, 0, 0))))
+    assert "one passes through itself" in knotted.message
+    assert "the knot determinant changes" in knotted.message
+    assert "the linking number changes" in linked.message
+
+
+def test_every_crossing_is_an_alert_of_its_own() -> None:
+    pair = passing(1, Grade.RESOLVED)
+    alerts = alerts_of(crossed(pair, pair, passing(2, Grade.RESOLVED)))
+    assert [alert.id for alert in alerts] == ["crossing-1-0-4", "crossing-1-0-4-1", "crossing-2-0-4"]
+
+
+def test_repaired_image_jumps_are_one_piece_of_information() -> None:
+    (alert,) = alerts_of(table(5, image_jumps=[0, 1, 3, 0, 0]))
+    assert (alert.kind, alert.severity) == (AlertKind.IMAGE_JUMP, Severity.INFO)
+    assert (alert.step_start, alert.step_peak, alert.step_end, alert.value) == (1, 2, 2, 3.0)
+
+
+def test_a_jump_that_nobody_can_repair_is_a_warning() -> None:
+    one = table(1, verdict=[Verdict.UNRESOLVED], reason=[Reason.IMAGE_JUMP])
+    (alert,) = alerts_of(one)
+    assert (alert.kind, alert.severity, alert.id) == (AlertKind.IMAGE_JUMP, Severity.WARNING, "image-jump-0-lost")
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        (Reason.TOUCH, "two edges touch, and neither passes"),
+        (Reason.VERTEX, "two edges meet at a vertex"),
+        (Reason.SLIDING, "stay in one plane"),
+        (Reason.FRAME, "touch in one of the two frames"),
+        (Reason.LADDER, "no rung settles 1 pair of edges"),
+        (Reason.CELL, "the periodic cell changes too much"),
+    ],
+)
+def test_an_undecided_step_says_why(reason: Reason, words: str) -> None:
+    rungs = np.zeros((1, len(Rung)))
+    rungs[0, Rung.OPEN] = 1
+    (alert,) = alerts_of(table(1, verdict=[Verdict.UNRESOLVED], reason=[reason], rung_pairs=rungs))
+    assert alert.kind is AlertKind.UNRESOLVED
+    assert words in alert.message

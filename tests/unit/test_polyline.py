@@ -15,7 +15,7 @@ from oracles.distances import image_terms
 from oracles.lattice import shifts_within
 
 from mdtopo import InputError, nu, polyline_step
-from mdtopo.records import MonitorConfig, PairClass, Reason, Rung, StepReport, Strands, Verdict
+from mdtopo.records import Grade, MonitorConfig, PairClass, Reason, Rung, Scope, StepReport, Strands, Verdict
 
 Points = NDArray[np.float64]
 Generator = np.random.Generator
@@ -37,21 +37,51 @@ def strands_of(case: PolylineCase) -> Strands:
 # --- exact cases ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["T1", "T5", "T6", "T10", "T12", "T8", "T8b"])
-def test_a_contact_of_edges_is_never_certified_in_the_lab_frame(name: str) -> None:
-    case = CASES[name]
-    if name != "T8":  # its strand keeps clear of itself, but turns too far for rungs that do not bisect
-        assert any(case.expect.get(key) for key in ("events", "contacts", "contact_times"))
-    report = of_case(case)
-    assert (report.verdict, report.rung, report.reason) == (Verdict.UNRESOLVED, Rung.OPEN, Reason.LADDER)
-    assert report.clearance == 0.0
+@pytest.mark.parametrize("name", ["T1", "T5", "T12"])
+def test_the_events_of_an_exact_case_are_its_crossings(name: str) -> None:
+    report, events = of_case(CASES[name]), CASES[name].expect["events"]
+    assert (report.verdict, report.rung, report.reason) == (Verdict.CROSSING, Rung.EXACT, Reason.NONE)
+    assert (report.clearance, report.scope, report.n_crossings) == (0.0, Scope.NONE, len(events))
     assert report.pair_ratio >= 1.0
-    assert report.rung_pairs[Rung.OPEN] >= 1
+    for found, event in zip(report.crossings, events, strict=True):
+        assert found.edges.tolist() == event["edges"]
+        assert found.t == pytest.approx(float(event["t"]), abs=1e-15)
+        assert found.parameters == pytest.approx([float(event["s"]), float(event["r"])], abs=1e-13)
+        assert found.sign == event["sign"]
 
 
-@pytest.mark.parametrize("name", ["T1", "T5", "T6", "T12"])
-def test_a_contact_is_not_certified_with_the_rigid_motion_taken_out_either(name: str) -> None:
-    assert of_case(CASES[name], RIGID).verdict is Verdict.UNRESOLVED
+def test_the_paper_s_hexagon_becomes_a_trefoil_by_a_proven_crossing() -> None:
+    (crossing,) = of_case(CASES["T1"]).crossings
+    assert crossing.grade is Grade.PROVEN
+
+
+@pytest.mark.parametrize("name", ["T6", "T10"])
+def test_edges_that_slide_over_each_other_in_their_plane_are_undecided_and_say_why(name: str) -> None:
+    assert CASES[name].expect["contacts"][0]["reason"] == "coplanar"
+    report = of_case(CASES[name])
+    assert (report.verdict, report.rung, report.reason) == (Verdict.UNRESOLVED, Rung.OPEN, Reason.SLIDING)
+    assert (report.clearance, report.scope, report.rung_pairs[Rung.OPEN]) == (0.0, Scope.NONE, 1)
+
+
+@pytest.mark.parametrize("name", ["T1", "T5", "T12"])
+def test_a_crossing_is_one_with_the_rigid_motion_taken_out_too(name: str) -> None:
+    lab, rigid = of_case(CASES[name]), of_case(CASES[name], RIGID)
+    assert rigid.verdict is Verdict.CROSSING
+    assert rigid.crossings.sign.tolist() == lab.crossings.sign.tolist()
+    assert rigid.crossings.edges.tolist() == lab.crossings.edges.tolist()
+
+
+def test_a_strand_that_turns_far_but_clears_itself_is_proved_by_bisection() -> None:
+    report = of_case(CASES["T8"])
+    assert (report.verdict, report.rung) == (Verdict.CERTIFIED, Rung.BISECTION)
+    assert report.clearance > 0.2
+
+
+def test_a_half_turn_on_straight_paths_is_never_certified() -> None:
+    assert CASES["T8b"].expect["contact_times"]
+    report = of_case(CASES["T8b"])
+    assert report.verdict is Verdict.CROSSING  # of the rounded coordinates; those in the file all meet on one line
+    assert report.crossings.t == pytest.approx(np.full(report.n_crossings, 0.5), abs=1e-15)
 
 
 def test_two_edges_that_stop_just_short_of_each_other_are_certified_by_the_ball() -> None:
@@ -415,6 +445,7 @@ def assert_alike(found: StepReport, expected: StepReport, *, scale: float = 1.0,
     if start_only:
         assert found.rung == expected.rung
         assert found.rung_pairs[Rung.OPEN] == expected.rung_pairs[Rung.OPEN]
+    assert found.n_crossings == expected.n_crossings
 
 
 def mixed(rng: Generator) -> Iterator[System]:
@@ -430,7 +461,7 @@ def turn(rng: Generator) -> Points:
 
 def test_the_systems_of_the_invariances_have_both_verdicts() -> None:
     verdicts = [s.step().verdict for s in mixed(np.random.default_rng(0))]
-    assert {Verdict.CERTIFIED, Verdict.UNRESOLVED} == set(verdicts)
+    assert {Verdict.CERTIFIED, Verdict.CROSSING} == set(verdicts)
 
 
 def test_turning_and_shifting_both_frames_changes_nothing() -> None:

@@ -68,6 +68,8 @@ def test_every_option_reaches_the_results_file(cli: Callable, npz: Callable, tmp
     out = tmp_path / "run.h5"
     config = MonitorConfig(
         motion="lab",
+        audit=True,
+        resolution_length=2.5,
         criterion="nu",
         near_limit=0.7,
         stretch_limit=1.3,
@@ -81,7 +83,9 @@ def test_every_option_reaches_the_results_file(cli: Callable, npz: Callable, tmp
         block_steps=5,
     )
     words = [
-        word for name, value in config.to_mapping().items() for word in (f"--{name.replace('_', '-')}", str(value))
+        word
+        for name, value in config.to_mapping().items()
+        for word in (f"--{name.replace('_', '-')}", *([] if value is True else [str(value)]))
     ]
     path = npz()
     assert (

@@ -5,13 +5,21 @@ import pytest
 
 from mdtopo import MonitorConfig, RunSummary, RunVerdict, Severity
 from mdtopo.cli.summary import aligned, counts_as_failure, headline, summary_text
-from mdtopo.records import StepCounts
+from mdtopo.records import Grade, StepCounts
 
 NONE = dict.fromkeys(Severity, 0)
 
 
-def summary(verdict: RunVerdict, counts: StepCounts, *, n_fractures: int = 0, clearance: float = 1.25) -> RunSummary:
-    return RunSummary(verdict, counts, n_fractures, NONE, clearance, 7, 0.5, 8, Path("run.h5"))
+def summary(
+    verdict: RunVerdict,
+    counts: StepCounts,
+    *,
+    crossings: tuple[int, int, int] = (0, 0, 0),
+    n_fractures: int = 0,
+    clearance: float = 1.25,
+) -> RunSummary:
+    found = dict(zip(Grade, crossings, strict=True))
+    return RunSummary(verdict, counts, found, n_fractures, NONE, clearance, 7, 0.5, 8, Path("run.h5"))
 
 
 @pytest.mark.parametrize(
@@ -21,10 +29,15 @@ def summary(verdict: RunVerdict, counts: StepCounts, *, n_fractures: int = 0, cl
         (summary(RunVerdict.WARN, StepCounts(near_limit=3)), "WARN: every step is proved, but"),
         (summary(RunVerdict.UNPROVEN, StepCounts(unresolved=3)), "UNPROVEN: some steps are not decided"),
         (summary(RunVerdict.UNPROVEN, StepCounts()), "UNPROVEN: there is no step"),
-        (summary(RunVerdict.FAIL, StepCounts(crossed=1)), "FAIL: 1 step with a crossing;"),
+        (summary(RunVerdict.FAIL, StepCounts(crossed=1), crossings=(0, 1, 0)), "FAIL: 1 crossing (1 resolved);"),
         (
-            summary(RunVerdict.FAIL, StepCounts(crossed=2), n_fractures=1),
-            "FAIL: 2 steps with a crossing and 1 broken edge;",
+            summary(RunVerdict.FAIL, StepCounts(crossed=2), crossings=(2, 1, 1), n_fractures=1),
+            "FAIL: 4 crossings (1 proven, 1 resolved, 2 undersampled) and 1 broken edge;",
+        ),
+        (
+            summary(RunVerdict.UNPROVEN, StepCounts(ball=1, crossed=1, unresolved=1), crossings=(1, 0, 0)),
+            "UNPROVEN: 1 crossing (1 undersampled): the frames are too far apart to tell a passage from a detour. "
+            "1 step is not decided.",
         ),
         (summary(RunVerdict.FAIL, StepCounts(ball=2), n_fractures=2), "FAIL: 2 broken edges;"),
     ],
