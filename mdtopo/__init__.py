@@ -9,18 +9,22 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mdtopo.analysis import IsotopyAnalysis
-    from mdtopo.errors import InputError, MdtopoError, OutputError
+    from mdtopo.errors import AuditError, InputError, MdtopoError, OutputError
+    from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
     from mdtopo.pipeline import monitor, steps
     from mdtopo.polyline import nu, polyline_step
     from mdtopo.records import (
         Alert,
         AlertKind,
+        Crossing,
+        Grade,
         MonitorConfig,
         PairClass,
         Reason,
         Rung,
         RunSummary,
         RunVerdict,
+        Scope,
         Severity,
         StepReport,
         Strands,
@@ -33,6 +37,9 @@ __version__ = "0.1.0"
 _HOMES = {
     "Alert": "records",
     "AlertKind": "records",
+    "AuditError": "errors",
+    "Crossing": "records",
+    "Grade": "records",
     "InputError": "errors",
     "IsotopyAnalysis": "analysis",
     "MdtopoError": "errors",
@@ -43,20 +50,27 @@ _HOMES = {
     "RunSummary": "records",
     "RunVerdict": "records",
     "Rung": "records",
+    "Scope": "records",
     "Severity": "records",
     "StepReport": "records",
     "Strands": "records",
     "Verdict": "records",
+    "knot_determinant": "geometry.linking",
+    "linking_number": "geometry.linking",
     "monitor": "pipeline",
     "nu": "polyline",
     "polyline_step": "polyline",
     "read_results": "store",
     "steps": "pipeline",
+    "writhe": "geometry.linking",
 }
 
 __all__ = [
     "Alert",
     "AlertKind",
+    "AuditError",
+    "Crossing",
+    "Grade",
     "InputError",
     "IsotopyAnalysis",
     "MdtopoError",
@@ -67,16 +81,20 @@ __all__ = [
     "RunSummary",
     "RunVerdict",
     "Rung",
+    "Scope",
     "Severity",
     "StepReport",
     "Strands",
     "Verdict",
     "__version__",
+    "knot_determinant",
+    "linking_number",
     "monitor",
     "nu",
     "polyline_step",
     "read_results",
     "steps",
+    "writhe",
 ]
 
 
