@@ -9,6 +9,7 @@ a strand whose knot determinant has, passed through each other on any path betwe
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from mdtopo.errors import AuditError, InputError
 from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
 from mdtopo.passages import Decided, Meeting, meeting_of
 from mdtopo.records import Traces
-from mdtopo.typing import Points
+from mdtopo.typing import Indices, Points
 
 INSTANTS = (1e-6, 1e-8, 1e-4)
 """How long before and after a self crossing the writhe is taken, as a share of the step."""
@@ -26,7 +27,18 @@ INSTANTS = (1e-6, 1e-8, 1e-4)
 STEADY = 0.25
 """The writhe may change steadily by so much between the two, and its jump is still told."""
 
+APART = 1e-9
+"""Edges whose lines pass each other at this share of their lengths or more are apart, whatever the rounding."""
+
 HOME = (0, 0, 0)
+
+
+class Event(NamedTuple):
+    """A passage within a ring: time, sign, and the vertices of the two edges."""
+
+    t: float
+    sign: int
+    pair: tuple[Indices, Indices]
 
 
 def changed_invariants(motion: StepMotion, traces: Traces, decided: Decided, where: str) -> set[Meeting]:
@@ -54,9 +66,10 @@ def changed_invariants(motion: StepMotion, traces: Traces, decided: Decided, whe
     """
     if not traces.closed.any():
         return set()
-    events: dict[Meeting, list[tuple[float, int]]] = defaultdict(list)
+    events: dict[Meeting, list[Event]] = defaultdict(list)
     for row in decided.passages:
-        events[meeting_of(row, traces)].append((float(row[5]), int(row[11])))
+        pair = (traces.edges[int(row[0])], traces.edges[int(row[1])])
+        events[meeting_of(row, traces)].append(Event(float(row[5]), int(row[11]), pair))
     unknown = {meeting_of(row, traces) for row in decided.open_pairs}
     changed = set()
     for meeting in sorted(set(close_rings(motion, traces)) | events.keys()):
@@ -66,7 +79,7 @@ def changed_invariants(motion: StepMotion, traces: Traces, decided: Decided, whe
         if a == b and image == HOME:
             differs = bool(events[meeting]) and _is_knotted_anew(motion, traces, a, events[meeting], where)
         else:
-            differs = _is_linked_anew(motion, traces, meeting, sum(sign for _, sign in events[meeting]), where)
+            differs = _is_linked_anew(motion, traces, meeting, sum(event.sign for event in events[meeting]), where)
         if differs:
             changed.add(meeting)
     return changed
@@ -126,16 +139,14 @@ def _is_linked_anew(motion: StepMotion, traces: Traces, meeting: Meeting, signs:
     return before != after
 
 
-def _is_knotted_anew(
-    motion: StepMotion, traces: Traces, ring: int, events: list[tuple[float, int]], where: str
-) -> bool:
+def _is_knotted_anew(motion: StepMotion, traces: Traces, ring: int, events: list[Event], where: str) -> bool:
     """Return whether a knot determinant differs, after a look whether the writhe jumps at each self crossing."""
     x0, x1 = _ring(motion.x0, traces, ring), _ring(motion.x1, traces, ring)
-    for t, _ in events:
-        if _jumps_rightly(x0, x1, t, events) is False:
+    for event in events:
+        if _jumps_rightly(motion, (x0, x1), event.t, events) is False:
             raise AuditError(
                 f"Self-audit, {where}: the writhe of ring {ring} does not jump by 2 at its self crossing at "
-                f"t = {t:.12g}. This is a bug in mdtopo; please report it."
+                f"t = {event.t:.12g}. This is a bug in mdtopo; please report it."
             )
     try:
         return knot_determinant(x0) != knot_determinant(x1)
@@ -143,19 +154,32 @@ def _is_knotted_anew(
         return False
 
 
-def _jumps_rightly(x0: Points, x1: Points, t: float, events: list[tuple[float, int]]) -> bool | None:
+def _jumps_rightly(motion: StepMotion, ring: tuple[Points, Points], t: float, events: list[Event]) -> bool | None:
     """Return whether the writhe jumps at a time by twice the signs of the crossings; None where that cannot be told."""
     answers = []
     for span in (min(instant, 0.5 * t, 0.5 * (1.0 - t)) for instant in INSTANTS):
-        before, after = ((1.0 - s) * x0 + s * x1 for s in (t - span, t + span))
-        on_the_edge = any(abs(abs(time - t) - span) < 1e-3 * span for time, _ in events)
-        if on_the_edge or not steady_change(before, after) < STEADY:
+        before, after = (_between(*ring, s) for s in (t - span, t + span))
+        near = [event for event in events if abs(event.t - t) < 2.0 * span]
+        clear = all(_are_apart(motion, event, s) for event in near for s in (t - span, t + span))
+        if not clear or not steady_change(before, after) < STEADY:
             continue
-        expected = 2 * sum(sign for time, sign in events if abs(time - t) < span)
+        expected = 2 * sum(event.sign for event in near if abs(event.t - t) < span)
         answers.append(abs(writhe(after) - writhe(before) - expected) < 0.5)
         if answers[-1]:
             return True
     return False if answers else None
+
+
+def _between(x0: Points, x1: Points, t: float) -> Points:
+    return (1.0 - t) * x0 + t * x1
+
+
+def _are_apart(motion: StepMotion, event: Event, t: float) -> bool:
+    """Return whether the lines of a crossing's edges are so far apart at a time that rounding cannot hide it."""
+    (a, b), (c, d) = (_between(motion.x0[edge], motion.x1[edge], t) for edge in event.pair)
+    normal = np.cross(b - a, d - c)
+    lengths = np.linalg.norm(b - a) * np.linalg.norm(d - c)
+    return bool(abs((c - a) @ normal) > APART * lengths * np.linalg.norm([b - a, d - c]))
 
 
 def steady_change(before: Points, after: Points) -> float:

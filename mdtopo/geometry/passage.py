@@ -38,6 +38,9 @@ TIME_WIDTH = 1e-10
 POLISH = 60
 """Steps to refine a root: as many as bisection needs."""
 
+UNDERFLOW = 1e-280
+"""Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
+
 Cubic = tuple[float, float, float, float]
 
 
@@ -97,7 +100,7 @@ def coplanarity(pair: MovingPair) -> tuple[Cubic, float]:
     b1 = -(dot(pair.w1, uv0) + dot(pair.w0, mixed)) / 3.0
     b2 = -(dot(pair.w0, uv1) + dot(pair.w1, mixed)) / 3.0
     u, v, w = pair.u, pair.v, pair.w
-    error = 2.0 * pair.error * (u * v + v * w + w * u) + 32.0 * UNIT_ROUNDOFF * u * v * w
+    error = 2.0 * pair.error * (u * v + v * w + w * u) + 32.0 * UNIT_ROUNDOFF * u * v * w + UNDERFLOW
     return (b0, b1, b2, b3), error
 
 
@@ -157,9 +160,9 @@ def meeting(pair: MovingPair, low: float, high: float) -> tuple[int, float, floa
     ewu = e * (lw + lu + e) + 8.0 * UNIT_ROUNDOFF * lw * lu
     nn, s, r = dot(n, n), dot(wv, n), dot(wu, n)
     guard = 1.0 + 64.0 * UNIT_ROUNDOFF
-    enn = (en * (2.0 * ln + en) + 8.0 * UNIT_ROUNDOFF * nn) * guard
-    es = (ewv * ln + en * lwv + ewv * en + 8.0 * UNIT_ROUNDOFF * lwv * ln) * guard
-    er = (ewu * ln + en * lwu + ewu * en + 8.0 * UNIT_ROUNDOFF * lwu * ln) * guard
+    enn = (en * (2.0 * ln + en) + 8.0 * UNIT_ROUNDOFF * nn) * guard + UNDERFLOW
+    es = (ewv * ln + en * lwv + ewv * en + 8.0 * UNIT_ROUNDOFF * lwv * ln) * guard + UNDERFLOW
+    er = (ewu * ln + en * lwu + ewu * en + 8.0 * UNIT_ROUNDOFF * lwu * ln) * guard + UNDERFLOW
     if s < -es or r < -er or s - nn > es + enn or r - nn > er + enn:
         return FREE, 0.0, 0.0
     if s > es and r > er and nn - s > es + enn and nn - r > er + enn:

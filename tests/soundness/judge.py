@@ -83,7 +83,7 @@ def complaint(report: StepReport, exact: Passages, rounding: float = 0.0) -> str
             for event in left
             if (event.first, event.second, event.shift) == ((a, b), (c, d), tuple(crossing.image.tolist()))
             and event.sign == crossing.sign
-            and abs(event.t - crossing.t) <= SAME_TIME + rounding / crossing.motion
+            and abs(event.t - crossing.t) <= SAME_TIME + (rounding / crossing.motion if rounding else 0.0)
         ]
         if not same:
             return "false crossing"

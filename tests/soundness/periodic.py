@@ -78,10 +78,24 @@ def through_the_boundary(rng: Generator) -> Periodic:
 
 
 def clear_of_rounding(rng: Generator) -> Periodic:
-    """Every vertex in its own image, and gaps far above the rounding of what is placed by whole cells."""
-    cell = cubic(rng) if rng.random() < 0.5 else skewed(rng, 3)
-    x0, x1 = with_tail(rng, *near_meeting(rng, (-8, 0), (-2, 1)), 10.0)
-    return Periodic(wrapped(rng, x0, cell, 2), wrapped(rng, x1, cell, 2), cell, cell)
+    """Every vertex in its own image, gaps far above the rounding of what is placed by whole cells, and short edges.
+
+    An edge of about half a cell has two images of about one length, and a step in which they change places is
+    undecided, whatever the gap.
+    """
+    while True:
+        cell = cubic(rng) if rng.random() < 0.5 else skewed(rng, 3)
+        x0, x1 = with_tail(rng, *near_meeting(rng, (-8, 0), (-2, 1)), 10.0)
+        edges = [np.delete(np.diff(x, axis=0), LENGTHS[0] - 1, axis=0) for x in (x0, x1)]
+        if np.linalg.norm(edges, axis=2).max() < 0.3 * shortest_vector(cell):
+            return Periodic(wrapped(rng, x0, cell, 2), wrapped(rng, x1, cell, 2), cell, cell)
+
+
+def shortest_vector(cell: Points) -> float:
+    """Return the length of the shortest lattice vector of a cell that is skewed three times at most."""
+    counts = np.stack(np.meshgrid(*[np.arange(-9.0, 10.0)] * 3), axis=-1).reshape(-1, 3)
+    lengths = np.linalg.norm(counts @ cell, axis=1)
+    return float(lengths[lengths > 0.0].min())
 
 
 def skewed_cell(rng: Generator) -> Periodic:
