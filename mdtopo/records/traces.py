@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -49,15 +50,25 @@ class Traces:
     @classmethod
     def of(cls, strands: Strands, broken: Collection[int] = ()) -> "Traces":
         """Return the traces of the strands without the broken edges, given by their index in ``Strands.edges``."""
+        if not broken and strands in _WHOLE:
+            return _WHOLE[strands]
         pieces = _pieces(strands, frozenset(broken))
         vertices = np.concatenate([piece for piece, _ in pieces])
         offsets = np.concatenate([[0], np.cumsum([len(piece) for piece, _ in pieces])])
         closed = np.array([ring for _, ring in pieces], dtype=np.bool_)
         edges, following, trace = _edges(pieces)
-        tails = {(int(a), int(b)): k for k, (a, b) in enumerate(strands.edges)}
-        edge_index = np.array([tails[int(a), int(b)] for a, b in edges], dtype=np.int64)
+        edge_of_tail = np.full(strands.n_vertices, -1, dtype=np.int64)  # a vertex is the tail of one edge at most
+        edge_of_tail[strands.edges[:, 0]] = np.arange(len(strands.edges))
+        edge_index = edge_of_tail[edges[:, 0]]
         local = _local_pairs(following)
-        return cls(vertices, offsets, closed, edges, edge_index, following, trace, local, _end_terms(pieces))
+        traces = cls(vertices, offsets, closed, edges, edge_index, following, trace, local, _end_terms(pieces))
+        if not broken:
+            _WHOLE[strands] = traces
+        return traces
+
+
+_WHOLE: WeakKeyDictionary[Strands, Traces] = WeakKeyDictionary()
+"""Of strands that have been seen, the traces with no edge broken: who measures step by step asks again and again."""
 
 
 def _pieces(strands: Strands, broken: frozenset[int]) -> list[tuple[Indices, bool]]:
@@ -113,7 +124,9 @@ def _local_pairs(following: Indices) -> Indices:
 def _end_terms(pieces: list[tuple[Indices, bool]]) -> Indices:
     terms: set[tuple[int, int, int, int]] = set()
     for vertices, ring in pieces:
-        v = [int(i) for i in vertices]
+        if ring and len(vertices) > 3:
+            continue
+        v = vertices.tolist() if len(vertices) < 6 else [*vertices[:3].tolist(), *vertices[-3:].tolist()]
         if ring and len(v) == 3:
             terms |= {(v[0], v[0], v[1], v[2]), (v[1], v[1], v[2], v[0]), (v[2], v[2], v[0], v[1])}
         if ring or len(v) < 2:
