@@ -64,7 +64,7 @@ def copy_extremes(best: Extremes) -> Extremes:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def write_pair(witness: IntArray, edges: IntArray, i: int, j: int) -> None:
     """Write the four vertices of a pair of edges, the edge with the lower vertex first."""
     first, second = (i, j) if edges[i, 0] <= edges[j, 0] else (j, i)
@@ -72,14 +72,14 @@ def write_pair(witness: IntArray, edges: IntArray, i: int, j: int) -> None:
     witness[2], witness[3] = edges[second, 0], edges[second, 1]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def comes_first(edges: IntArray, i: int, j: int, witness: IntArray) -> bool:
     """Return whether a pair comes before the witness; so a tie is settled by the pairs, not by the order of search."""
     low, high = min(edges[i, 0], edges[j, 0]), max(edges[i, 0], edges[j, 0])
     return low < witness[0] or (low == witness[0] and high < witness[2])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def keep_nu(
     edges: IntArray,
     i: int,
@@ -101,7 +101,7 @@ def keep_nu(
         write_pair(best.nu_witness, edges, i, j)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: float, best: Extremes) -> None:
     """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
     apart = low0 + low1
@@ -111,7 +111,7 @@ def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: f
         write_pair(best.ratio_witness, edges, i, j)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def keep_clearance(edges: IntArray, i: int, j: int, kind: int, clearance: float, best: Extremes) -> None:
     """Update the least clearance of a class with one pair of edges."""
     least = best.least[kind]

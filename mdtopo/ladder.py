@@ -80,7 +80,7 @@ of the two edges' greatest displacements."""
 WIDEST_REACH = 4.0
 """The search for a class without any pair in reach stops at this multiple of the mean edge length."""
 
-FIRST_REACH = 1.2
+FIRST_REACH = 1.4
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
 SPARE_REACH = 1.3
@@ -204,7 +204,7 @@ def greatest_displacement(x0: FloatArray, x1: FloatArray) -> tuple[float, int]:
     return np.sqrt(best), vertex
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def settle_pair(
     i: int,
     j: int,
@@ -245,7 +245,7 @@ def settle_pair(
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def corners_of(i: int, j: int, image: Counts, motion: StepMotion, edges: IntArray) -> tuple[Corners, Corners]:
     """Return the ends of two edges, the second one in its image, at both ends of the step."""
     a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
@@ -281,7 +281,8 @@ def decide_open(
             continue
         i, j = pairs[k, 0], pairs[k, 1]
         if not local:
-            image = (images[k, 0], images[k, 1], images[k, 2])
+            if len(images) > 0:
+                image = (images[k, 0], images[k, 1], images[k, 2])
             kind = 1 if trace[i] == trace[j] else 2
         start, end = corners_of(i, j, image, motion, edges)
         state, count, meetings, signs = passages(start, end, placing)
@@ -370,7 +371,8 @@ def climb_pairs(
         i, j = pairs[k, 0], pairs[k, 1]
         centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
         if not local:
-            image = (images[k, 0], images[k, 1], images[k, 2])
+            if len(images) > 0:
+                image = (images[k, 0], images[k, 1], images[k, 2])
             kind = 1 if trace[i] == trace[j] else 2
             if image != (0, 0, 0):
                 shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
@@ -422,7 +424,7 @@ def meet_end_terms(motion: StepMotion, end_terms: IntArray, placing: float, best
             best.nu_witness[0], best.nu_witness[1], best.nu_witness[2], best.nu_witness[3] = a, b, c, d
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def are_neighbours(i: int, j: int, following: IntArray) -> bool:
     """Return whether two edges share a vertex or have one edge between them: the local pairs, climbed on their own."""
     after_i, after_j = following[i], following[j]

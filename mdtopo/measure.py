@@ -210,9 +210,8 @@ def _verdicts(
 ) -> tuple[Codes, Codes]:
     """Return verdict and reason of each step; CERTIFIED only where the kernel ran and every pair was settled."""
     certified = measured & (columns.rung != Rung.OPEN) & (n_crossings == 0)
-    verdict = np.select(
-        [n_crossings > 0, certified], [Verdict.CROSSING, Verdict.CERTIFIED], default=Verdict.UNRESOLVED
-    ).astype(np.int8)
+    verdict = np.where(certified, Verdict.CERTIFIED, Verdict.UNRESOLVED).astype(np.int8)
+    verdict[n_crossings > 0] = Verdict.CROSSING
     reason = np.select(
         [bad, columns.jump >= 0, ~columns.cell_ok, verdict != Verdict.UNRESOLVED, reasons != Reason.NONE],
         [Reason.BAD_DATA, Reason.IMAGE_JUMP, Reason.CELL, Reason.NONE, reasons],
@@ -237,7 +236,7 @@ def _scopes(verdict: Codes, clearance: Lengths, block: FrameBlock, config: Monit
         error += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
     clear = np.isnan(clearance) | (clearance > 2.0 * error)
     certified = verdict == Verdict.CERTIFIED
-    return np.select([~certified, clear], [Scope.NONE, Scope.MOTION], default=Scope.STORED).astype(np.int8)
+    return np.where(certified, np.where(clear, Scope.MOTION, Scope.STORED), Scope.NONE).astype(np.int8)
 
 
 def _problems(plan: BlockPlan, columns: Columns) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mdtopo.errors import InputError
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
-from mdtopo.records import Crossing, Frame, MonitorConfig, Verdict
+from mdtopo.records import Crossing, Frame, MonitorConfig, Rung, Verdict
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
 from mdtopo.store import Results, fingerprint, read_results
 from mdtopo.typing import Lengths
@@ -363,7 +363,8 @@ def _clearance_differences(
 ) -> Iterator[str]:
     steps = found.steps
     least = float(steps["clearance"][row])
-    if verdict is Verdict.CERTIFIED and least <= 0.0:
+    exact = int(steps["rung"][row]) == Rung.EXACT  # shown never to meet, by which distance is not known
+    if verdict is Verdict.CERTIFIED and (least < 0.0 or (least == 0.0 and not exact)):
         yield f"it is CERTIFIED with a clearance of {least:.9g} Å, which proves nothing"
     if crosses and least > 0.0:
         yield f"clearance is {least:.9g} Å, but edges pass through each other"

@@ -70,8 +70,8 @@ def candidate_pairs(
     -------
     pairs : ndarray of int, shape (k, 2)
         Sphere indices, the first one in the home image.
-    images : ndarray of int, shape (k, 3)
-        Lattice counts of the second sphere; all 0 without a cell.
+    images : ndarray of int, shape (k, 3), or (0, 3)
+        Lattice counts of the second sphere; left out where all are 0, without a cell or in a wide one.
     complete : bool
         False where images further than `FURTHEST_IMAGE` cells away might be met; the lists are then empty.
 
@@ -83,7 +83,8 @@ def candidate_pairs(
     m = len(radii)
     source, images = np.arange(m), np.zeros((m, 3), dtype=np.int64)
     basis0, basis1 = basis_of(cell0), basis_of(cell1)
-    if periodic and images_can_meet(mid0, mid1, radii, basis0, basis1):
+    has_images = periodic and images_can_meet(mid0, mid1, radii, basis0, basis1)
+    if has_images:
         source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
     if len(source) < m:
         return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
@@ -92,7 +93,9 @@ def candidate_pairs(
     spheres = spheres[order]
     found, count = _scan(order, starts, shape, width, spheres, m)
     found, count = _scan_large(order, starts, shape, low, width, spheres, m, found, count)
-    pairs, shifts = np.empty((count, 2), dtype=np.int64), np.zeros((count, 3), dtype=np.int64)
+    if not has_images:
+        return found[:count], images[:0], True
+    pairs, shifts = np.empty((count, 2), dtype=np.int64), np.empty((count, 3), dtype=np.int64)
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
         pairs[k, 0], pairs[k, 1] = source[first], source[second]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -257,11 +258,10 @@ class StepTable:
         )
 
     @classmethod
-    def columns(cls) -> Iterator[Column]:
-        """Yield name, unit, meaning and enum of every column, in the order of the results file."""
-        for entry in fields(cls):
-            if "unit" in entry.metadata:
-                yield Column(entry.name, **entry.metadata)
+    @cache
+    def columns(cls) -> tuple[Column, ...]:
+        """Return name, unit, meaning and enum of every column, in the order of the results file."""
+        return tuple(Column(entry.name, **entry.metadata) for entry in fields(cls) if "unit" in entry.metadata)
 
     def report(self, row: int) -> "StepReport":
         """Return one row as an object."""

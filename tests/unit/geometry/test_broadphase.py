@@ -24,6 +24,7 @@ def normal(i: int, j: int, s: tuple[int, ...]) -> Pair:
 
 
 def as_set(pairs: NDArray[np.int64], images: NDArray[np.int64]) -> set[Pair]:
+    images = images if len(images) else np.zeros((len(pairs), 3), dtype=np.int64)  # left out where all are 0
     listed = [normal(int(i), int(j), tuple(int(k) for k in s)) for (i, j), s in zip(pairs, images, strict=True)]
     assert len(set(listed)) == len(listed), "a pair is listed twice"
     return set(listed)
