@@ -33,6 +33,32 @@ def compact_chain(n: int) -> NDArray[np.float64]:
     return chain
 
 
+def random_chain(n_edges: int, seed: int = 0) -> NDArray[np.float64]:
+    """Return a random walk that is kept in a cube, one vertex in 135 Å³ as in folded proteins, shape (n + 1, 3), Å.
+
+    It does not avoid itself, so a random motion makes some edges pass through each other.
+    """
+    rng = np.random.default_rng(seed)
+    edge = (n_edges * BOND * STRAND_SPACING * SHEET_SPACING) ** (1.0 / 3.0)
+    chain, here, k = [np.full(3, edge / 2)], np.full(3, edge / 2), 0
+    while len(chain) <= n_edges:
+        if k % 4096 == 0:
+            bonds = rng.normal(size=(4096, 3))
+            bonds *= BOND / np.linalg.norm(bonds, axis=1, keepdims=True)
+        there = here + bonds[k % 4096]
+        k += 1
+        if there.min() >= 0.0 and there.max() <= edge:
+            chain.append(there)
+            here = there
+    return np.array(chain)
+
+
+def displaced(chain: NDArray[np.float64], share: float, seed: int = 1) -> NDArray[np.float64]:
+    """Return the chain with every vertex moved by that share of an edge, in a random direction."""
+    away = np.random.default_rng(seed).normal(size=chain.shape)
+    return chain + share * BOND * away / np.linalg.norm(away, axis=1, keepdims=True)
+
+
 def jiggled(chain: NDArray[np.float64], n_frames: int, step: float, seed: int = 2) -> NDArray[np.float32]:
     """Return frames in which every vertex moves by about `step` Å at random from one to the next, near its place."""
     rng = np.random.default_rng(seed)
