@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from mdtopo.bonds import reference_lengths
 from mdtopo.errors import InputError
 from mdtopo.measure import measure_block
 from mdtopo.planning import Setting, reference_samples
-from mdtopo.records import Frame, FrameBlock, MonitorConfig, StepReport, Strands
+from mdtopo.records import Frame, FrameBlock, MonitorConfig, ReferenceLengths, StepReport, Strands
 from mdtopo.typing import Cell, Points
 
 
@@ -60,7 +59,8 @@ def polyline_step(
     if cell_t0 is not None and cell_t1 is not None:
         cells = np.stack([checked_cell(cell_t0, "cell_t0"), checked_cell(cell_t1, "cell_t1")])
     frame = Frame(0, np.nan, x0, None if cells is None else cells[0])
-    reference = reference_lengths(reference_samples([frame], strands))
+    # nothing can stretch beyond a limit here, or break: that takes frames before and after
+    reference = ReferenceLengths(reference_samples([frame], strands)[0], np.nan, np.nan, 1)
     setting = Setting.start(strands, config or MonitorConfig(), reference)
     block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", ""))
     table, _ = measure_block(block, setting)

@@ -98,6 +98,8 @@ def _closest(summary: RunSummary, closest: str) -> str:
     if not math.isfinite(summary.clearance):
         return "not known, no step was proved"
     pair = f" between {closest}" if closest else ""
+    if summary.clearance == 0.0:
+        return f"proved never to meet, too close to say how far apart (step {summary.clearance_step}{pair})"
     return f"proved to stay at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{pair})"
 
 

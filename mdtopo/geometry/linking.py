@@ -508,8 +508,8 @@ def _colouring_minor(crossing: Indices, over: Flags) -> Indices:
     n = len(crossing) // 2
     if n < 2:
         return np.empty((0, 0), np.int64)
-    under = ~over
-    arc = (np.cumsum(under) - under) % n  # the arc that arrives at a passage
+    under = np.logical_not(over)
+    arc: Indices = (np.cumsum(under) - under) % n  # the arc that arrives at a passage
     matrix = np.zeros((n, n), np.int64)
     np.add.at(matrix, (crossing[over], arc[over]), 2)
     np.add.at(matrix, (crossing[under], arc[under]), -1)

@@ -61,6 +61,11 @@ def test_an_unknown_clearance_is_not_printed_as_nan() -> None:
     assert "nan" not in summary_text(run, MonitorConfig())
 
 
+def test_a_pair_that_only_exact_arithmetic_keeps_apart_is_not_said_to_keep_a_distance() -> None:
+    text = summary_text(summary(RunVerdict.WARN, StepCounts(near_limit=1), clearance=0.0), MonitorConfig())
+    assert "proved never to meet, too close to say how far apart (step 7)" in text
+
+
 @pytest.mark.parametrize(("criterion", "words"), [("pair", "0.8 of the limit"), ("nu", "2 x"), ("clearance", "0.8 Å")])
 def test_near_the_limit_is_said_in_the_words_of_the_criterion(criterion: str, words: str) -> None:
     text = summary_text(summary(RunVerdict.PASS, StepCounts(ball=1)), MonitorConfig(criterion=criterion))  # type: ignore[arg-type]
