@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import mdtopo
+import mdtopo.measure
 from mdtopo import polyline_step
 from mdtopo.records import Crossing, Grade, MonitorConfig, Reason, Rung, Scope, StepReport, Strands, Verdict
 
@@ -178,6 +178,69 @@ def test_a_strand_passes_through_its_own_image(wrapped: bool) -> None:
     assert crossing.t == pytest.approx(0.7, abs=1e-12)
     assert crossing.point == pytest.approx(np.array([5, 5, 0.5]) + n0[0] @ h, abs=1e-11)
     assert crossing.strands == ("strand 0", "strand 0")
+
+
+LITTLE = 2.0**-48
+
+
+@pytest.mark.parametrize("cell", ["cube", "leaning"])
+@pytest.mark.parametrize("wrapped", [False, True])
+@pytest.mark.parametrize(
+    ("start", "verdict", "reason"),
+    [
+        (5.0, Verdict.UNRESOLVED, Reason.VERTEX),
+        (5.0 - LITTLE, Verdict.CROSSING, Reason.NONE),
+        (5.0 + LITTLE, Verdict.CERTIFIED, Reason.NONE),
+    ],
+)
+def test_exact_arithmetic_knows_the_image_and_the_cell_as_it_is_stored(
+    start: float, verdict: Verdict, reason: Reason, wrapped: bool, cell: str
+) -> None:
+    # the image of the first edge begins where the last one passes, closer than rounding in a cell can tell
+    h = {"cube": CELLS["cube"], "leaning": np.array([[10.0, 0, 0], [0, 10, 0], [0, 30, 10]])}[cell]
+    x0, x1 = hook()
+    x0[0, 0] = x1[0, 0] = start
+    if wrapped:
+        x0[[0, 6], 1] += [10.0, -20.0]
+        x1[5, 2] -= 10.0
+    report = polyline_step(x0, x1, Strands.from_lengths([7]), cell_t0=h, cell_t1=h, config=LAB)
+    assert (report.verdict, report.reason) == (verdict, reason)
+    assert report.rung is (Rung.OPEN if verdict is Verdict.UNRESOLVED else Rung.EXACT)
+    assert report.clearance == 0.0
+    if verdict is Verdict.CROSSING:
+        assert report.crossings.image[0] @ h == pytest.approx([0, 10.0 * wrapped, -10])
+        assert report.crossings.point[0] == pytest.approx([5, 5 + 10.0 * wrapped, 0.5], abs=1e-11)
+        assert report.crossings.t[0] == pytest.approx(0.7, abs=1e-12)
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_a_row_of_the_table_does_not_depend_on_which_edge_was_found_first(
+    monkeypatch: pytest.MonkeyPatch, wrapped: bool
+) -> None:
+    h, (x0, x1) = CELLS["cube"], hook()
+    h1 = np.diag([10.0, 10, 10.1])
+    if wrapped:
+        x0[5] -= 2.0 * h[0]
+    make, given = mdtopo.measure.crossing_table, []
+
+    def watched(*arguments: Any) -> Any:
+        given.append(arguments)
+        return make(*arguments)
+
+    monkeypatch.setattr(mdtopo.measure, "crossing_table", watched)
+    one = only(polyline_step(x0, x1, Strands.from_lengths([7]), cell_t0=h, cell_t1=h1, config=LAB))
+    ((decided, step, *others),) = given
+    row = decided.passages[0].copy()
+    away = (1 - row[5]) * row[2:5] @ step.motion.cell0 + row[5] * row[2:5] @ step.motion.cell1
+    row[[0, 1, 6, 7]] = row[[1, 0, 7, 6]]
+    row[2:5] *= -1
+    row[8:11] -= away  # on the other edge, in its home image
+    (other,) = make(decided._replace(passages=row[np.newaxis]), step, *others)
+    assert other.edges.tolist() == one.edges.tolist() == [[0, 1], [5, 6]]
+    assert other.image.tolist() == one.image.tolist() == [2 * wrapped, 0, -1]
+    assert other.parameters.tolist() == one.parameters.tolist()
+    assert other.point == pytest.approx(one.point, abs=1e-11)
+    assert (other.t, other.sign, other.motion) == (one.t, one.sign, one.motion)
 
 
 def test_the_same_strand_without_a_cell_passes_through_nothing() -> None:
