@@ -17,7 +17,7 @@ from MDAnalysis.analysis.results import Results, ResultsGroup
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
 from mdtopo.measure import measure_block
-from mdtopo.pipeline import Tally, block_of, refuse_winding
+from mdtopo.pipeline import Tally, block_of, refuse_winding, with_coordinate_error
 from mdtopo.planning import Setting, reference_samples
 from mdtopo.readers import ReaderRequest, Source
 from mdtopo.readers.mdanalysis import MDAnalysisReader
@@ -89,8 +89,8 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         self, atomgroup: Any, *, select: str | None = None, config: MonitorConfig | None = None, verbose: bool = False
     ) -> None:
         super().__init__(atomgroup.universe.trajectory, verbose=verbose)
-        self._config = config or MonitorConfig()
         self._reader = MDAnalysisReader.open(Source(object=atomgroup), ReaderRequest(select=select))
+        self._config = with_coordinate_error(config or MonitorConfig(), self._reader)
         first = list(self._reader.frames(0, self._config.reference_frames))
         refuse_winding(first[0], self._reader.strands)
         self._periodic = first[0].cell is not None

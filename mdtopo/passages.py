@@ -164,7 +164,7 @@ def crossing_table(
     tails = edges[:, 0][decided.passages[:, :2].astype(np.int64)]
     rows = decided.passages[np.lexsort((tails.max(axis=1), tails.min(axis=1), decided.passages[:, 5]))]
     pairs, places, image, point = _in_strand_order(rows, step.motion, edges)
-    image, point = _as_stored(image, point, edges[pairs][:, :, 0], step)
+    image, point = _as_stored(image, point, rows[:, 5], edges[pairs][:, :, 0], step)
     length = rows[:, 13] if resolution is None else np.full(len(rows), resolution)
     resolved = np.where(rows[:, 12] < length, Grade.RESOLVED, Grade.UNDERSAMPLED)
     proven = [meeting_of(row, traces) in changed for row in rows]
@@ -202,20 +202,29 @@ def _in_strand_order(
     Where the two change places, the point moves along by the image, into the copy of the strand that is at home.
     """
     pairs, places = rows[:, :2].astype(np.int64), rows[:, 6:8].copy()
-    image, t = rows[:, 2:5].astype(np.int64), rows[:, 5, np.newaxis, np.newaxis]
+    image = rows[:, 2:5].astype(np.int64)
     swap = edges[pairs[:, 1], 0] < edges[pairs[:, 0], 0]
-    cells = (1.0 - t) * motion.cell0 + t * motion.cell1
-    shift = np.einsum("ki,kij->kj", image, cells)
+    shift = _moving_vectors(image, rows[:, 5], motion)
     point = np.where(swap[:, np.newaxis], rows[:, 8:11] - shift, rows[:, 8:11])
     pairs[swap], places[swap], image[swap] = pairs[swap][:, ::-1], places[swap][:, ::-1], -image[swap]
     return pairs, places, image, point
 
 
-def _as_stored(image: Indices, point: Points, tails: Indices, step: StepData) -> tuple[Indices, Points]:
+def _as_stored(
+    image: Indices, point: Points, t: NDArray[np.float64], tails: Indices, step: StepData
+) -> tuple[Indices, Points]:
     """Return images and points seen from where the first frame stores the edges, not from where strands are whole."""
     if step.cells is None:
         return image, point
-    moved = step.motion.x0[tails] - step.stored[0][tails]
-    counts = lattice_counts(moved.reshape(-1, 3), step.cells[0]).reshape(-1, 2, 3)
-    stored = image @ lattice_counts(step.motion.cell0, step.cells[0]) + counts[:, 1] - counts[:, 0]
-    return stored, point - moved[:, 0]
+    m = step.motion
+    moved = m.x0[tails] - step.stored[0][tails]
+    counts = lattice_counts(moved.reshape(-1, 3), m.cell0).reshape(-1, 2, 3)
+    seen = (image + counts[:, 1] - counts[:, 0]) @ lattice_counts(m.cell0, step.cells[0])
+    return seen, point - _moving_vectors(counts[:, 0], t, m)
+
+
+def _moving_vectors(counts: Indices, t: NDArray[np.float64], motion: StepMotion) -> Points:
+    """Return lattice vectors at given times of the step, by counts of its reduced cell."""
+    times = t[:, np.newaxis, np.newaxis]
+    vectors: Points = np.einsum("ki,kij->kj", counts, (1.0 - times) * motion.cell0 + times * motion.cell1)
+    return vectors

@@ -113,7 +113,7 @@ def linking_number(p: Points, q: Points) -> int:
     >>> p = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     >>> q = np.array([[0.0, 0, 1], [0, 0, -1], [3, 0, -1], [3, 0, 1]])
     >>> linking_number(p, q), linking_number(p, q[::-1])
-    (1, -1)
+    (-1, 1)
     """
     first, second = _polygon(p, "p", 3), _polygon(q, "q", 3)
     if boxes_apart(first, second):

@@ -39,7 +39,7 @@ class Root(NamedTuple):
 
 
 def exact_passages(start: ExactCorners, end: ExactCorners) -> tuple[str, list[Meeting]]:
-    """Return how two moving edges meet: the worst that happens, and all passages.
+    """Return how two moving edges meet: in passages only or not, and all passages.
 
     Parameters
     ----------
@@ -49,10 +49,10 @@ def exact_passages(start: ExactCorners, end: ExactCorners) -> tuple[str, list[Me
     Returns
     -------
     state : str
-        ``free``: they never meet. ``passage``: they meet in passages only. Else they also meet, without that anything
-        is known to pass: ``touch`` (inside both, an even root), ``vertex`` (at an end of an edge), ``sliding`` (while
-        the edges are parallel, or in one plane all the time, or one has no length; whether they meet is then not
-        looked at), ``frame`` (at t = 0 or 1).
+        ``free``: they never meet. ``passage``: they meet in passages only. Else they also meet without that anything is
+        known to pass, and the last time is named: ``touch`` (inside both, an even root), ``vertex`` (at an end of an
+        edge), ``sliding`` (while the edges lie on one line, or in one plane all the time, or one has no length; whether
+        they then touch is not looked at), ``frame`` (at t = 0 or 1).
     meetings : list of Meeting
         In order of time.
 

@@ -2,7 +2,17 @@
 
 from mdtopo.pipeline.framing import block_of, refuse_winding
 from mdtopo.pipeline.run import monitor
-from mdtopo.pipeline.tables import open_input, step_tables, steps
+from mdtopo.pipeline.tables import open_input, step_tables, steps, with_coordinate_error
 from mdtopo.pipeline.tally import Progress, Tally
 
-__all__ = ["Progress", "Tally", "block_of", "monitor", "open_input", "refuse_winding", "step_tables", "steps"]
+__all__ = [
+    "Progress",
+    "Tally",
+    "block_of",
+    "monitor",
+    "open_input",
+    "refuse_winding",
+    "step_tables",
+    "steps",
+    "with_coordinate_error",
+]

@@ -4,14 +4,21 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from mdtopo.alerts import AlertStream
 from mdtopo.errors import TrajectoryError
 from mdtopo.pipeline.alertfile import AlertFile
-from mdtopo.pipeline.tables import ALL_FRAMES, check_frames, default_threads, open_input, step_tables
+from mdtopo.pipeline.tables import (
+    ALL_FRAMES,
+    check_frames,
+    default_threads,
+    open_input,
+    step_tables,
+    with_coordinate_error,
+)
 from mdtopo.pipeline.tally import Progress, Tally
 from mdtopo.readers import Reader
 from mdtopo.records import Alert, MonitorConfig, RunSummary, Strands
@@ -90,7 +97,7 @@ def monitor(
             open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
         )
         check_frames(opened, frames)
-        config = _with_coordinate_error(config, opened)
+        config = with_coordinate_error(config, opened)
         alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite))
         writer = None
         if out is not None:
@@ -112,12 +119,6 @@ def monitor(
 
 def _paths(inputs: tuple[Any, ...]) -> list[Path]:
     return [Path(item) for item in inputs if isinstance(item, str | os.PathLike)]
-
-
-def _with_coordinate_error(config: MonitorConfig, reader: Reader) -> MonitorConfig:
-    if config.coordinate_error is not None:
-        return config
-    return replace(config, coordinate_error=reader.coordinate_error)
 
 
 @dataclass(slots=True)

@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +75,19 @@ def steps(
     """
     opened = open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
     with opened:
-        for table in step_tables(opened, frames=frames, config=config or MonitorConfig(), threads=threads):
+        settled = with_coordinate_error(config or MonitorConfig(), opened)
+        for table in step_tables(opened, frames=frames, config=settled, threads=threads):
             yield from table.reports()
+
+
+def with_coordinate_error(config: MonitorConfig, reader: Reader) -> MonitorConfig:
+    """Return the configuration with what the reader knows of the coordinate error, unless it holds one already.
+
+    Certificates need it: without, they would claim to hold before the file rounded its coordinates.
+    """
+    if config.coordinate_error is not None:
+        return config
+    return replace(config, coordinate_error=reader.coordinate_error)
 
 
 def step_tables(

@@ -1,13 +1,14 @@
 """The MDAnalysis adapter gives the bits of a serial run, on every backend and for every choice of frames."""
 
 import warnings
+from pathlib import Path
 
 import MDAnalysis
 import numpy as np
 import pytest
 from MDAnalysis.coordinates.memory import MemoryReader
 
-from mdtopo import IsotopyAnalysis, MonitorConfig
+from mdtopo import IsotopyAnalysis, MonitorConfig, Scope, steps
 from mdtopo.pipeline import step_tables
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
 from mdtopo.records import RunVerdict, StepTable
@@ -49,6 +50,8 @@ def universe(*, breaks_at: int | None = None, bad_frame: int | None = None) -> M
 def same(first: StepTable, second: StepTable) -> bool:
     columns = [column.name for column in StepTable.columns()]
     equal = [np.array_equal(getattr(first, c), getattr(second, c), equal_nan=True) for c in columns]
+    one, other = first.crossings, second.crossings
+    equal += [np.array_equal(getattr(one, c), getattr(other, c)) for c in one.column_names()]
     return all(equal) and first.broken == second.broken and first.problems == second.problems
 
 
@@ -96,6 +99,22 @@ def test_a_broken_bond_reaches_the_groups_behind_it() -> None:
     assert results.summary.verdict is RunVerdict.FAIL
     after = results.steps.broken[0].step + 1
     assert (results.bond_stretch[after:] < 1.5).all()  # the broken edge is no longer measured
+
+
+def test_every_door_knows_the_coordinate_error_of_the_file(tmp_path: Path) -> None:
+    """Two bars 0.01 Å apart in an XTC, whose η is 0.0087 Å: nobody may claim more than the stored numbers."""
+    bars = np.array([[-10, 0, 0], [10, 0, 0], [0, -10, 0.01], [0, 10, 0.01]], dtype=np.float32)
+    top = MDAnalysis.Universe.empty(4, n_residues=4, atom_resindex=np.arange(4), trajectory=True)
+    top.add_TopologyAttr("bonds", [(0, 1), (2, 3)])
+    top.load_new(np.stack([bars] * 3), format=MemoryReader)
+    with MDAnalysis.Writer(str(tmp_path / "bars.xtc"), n_atoms=4) as writer:
+        for _ in top.trajectory:
+            writer.write(top.atoms)
+    top.load_new(str(tmp_path / "bars.xtc"))
+    claimed = [step.scope for step in steps(top)]
+    assert claimed == IsotopyAnalysis(top.atoms).run().results.scope.tolist() == [Scope.STORED] * 2
+    exact = MonitorConfig(coordinate_error=0.0)
+    assert [step.scope for step in steps(top, config=exact)] == [Scope.MOTION] * 2
 
 
 def test_results_hold_every_column_by_its_name(intact: MDAnalysis.Universe) -> None:
