@@ -585,3 +585,14 @@ def test_crossings_of_one_step_are_in_order_of_time_whatever_the_order_of_the_st
     report = lab_step(x0, x1, strands)
     assert report.crossings.t == pytest.approx(sorted(1 / np.array(speeds)), abs=1e-12)
     assert report.crossings.edges[:, 1, 0].tolist() == [6, 2, 8, 4]
+
+
+def test_the_point_lies_on_the_stored_edge_while_the_cell_grows() -> None:
+    """The first of three strands stays where it is; the second is stored three cells above, and crosses the third."""
+    x0 = np.array([[0, 0, 5], [1, 0, 5], [4, 5, 35.5], [6, 5, 35.5], [5, 4, 35], [5, 6, 35]])
+    x1 = x0 + np.array([0, 0, 1]) * np.array([0, 0, 3, 3, 4, 4])[:, np.newaxis]
+    cells = {"cell_t0": np.diag([10.0, 10, 10]), "cell_t1": np.diag([10.0, 10, 11])}
+    strands = Strands.from_lengths([2, 2, 2])
+    (crossing,) = polyline_step(x0, x1, strands, **cells, config=MonitorConfig(motion="lab")).crossings
+    assert (crossing.t, crossing.edges.tolist()) == (pytest.approx(0.5), [[2, 3], [4, 5]])
+    assert crossing.point == pytest.approx([5, 5, 37])
