@@ -30,6 +30,9 @@ STEADY = 0.25
 APART = 1e-9
 """Edges whose lines pass each other at this share of their lengths or more are apart, whatever the rounding."""
 
+MOST_CROSSINGS = 400
+"""Of a ring's diagram, for a look at its knot determinant: that takes some tenths of a second."""
+
 HOME = (0, 0, 0)
 
 
@@ -149,8 +152,8 @@ def _is_knotted_anew(motion: StepMotion, traces: Traces, ring: int, events: list
                 f"t = {event.t:.12g}. This is a bug in mdtopo; please report it."
             )
     try:
-        return knot_determinant(x0) != knot_determinant(x1)
-    except InputError:  # it touches itself in a frame
+        return knot_determinant(x0, MOST_CROSSINGS) != knot_determinant(x1, MOST_CROSSINGS)
+    except InputError:  # it touches itself in a frame, or is too tangled
         return False
 
 

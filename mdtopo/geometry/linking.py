@@ -166,7 +166,7 @@ def writhe(p: Points, closed: bool = True) -> float:
     return float(_own_angle(vertices * _unit(vertices), closed) / (2.0 * np.pi))
 
 
-def knot_determinant(p: Points) -> int:
+def knot_determinant(p: Points, most_crossings: int | None = None) -> int:
     """Return the knot determinant |Δ(-1)| of a closed polygon: 1 for the unknot, 3 for the trefoil, 5 for 4₁.
 
     The polygon is projected along a fixed sequence of directions until one gives a diagram in which every crossing,
@@ -178,6 +178,8 @@ def knot_determinant(p: Points) -> int:
     ----------
     p : ndarray, shape (n, 3)
         Vertices in order, Å; the last is joined to the first.
+    most_crossings : int, optional
+        Give up where the diagram keeps more crossings than this: the time grows with their third power at worst.
 
     Returns
     -------
@@ -191,7 +193,7 @@ def knot_determinant(p: Points) -> int:
     Raises
     ------
     InputError
-        The polygon touches itself, to rounding, or the array cannot be used.
+        The polygon touches itself, to rounding, the array cannot be used, or there are too many crossings.
     AuditError
         The determinant came out even, which no knot has: a bug.
 
@@ -208,6 +210,12 @@ def knot_determinant(p: Points) -> int:
     for k in range(N_DIRECTIONS):
         code = _gauss_code(vertices @ _rotation(k))
         if code is not None:
+            n_crossings = len(code[0]) // 2
+            if most_crossings is not None and n_crossings > most_crossings:
+                raise InputError(
+                    f"The diagram of p keeps {n_crossings} crossings, more than most_crossings = {most_crossings}; allow "
+                    "more, and time for it."
+                )
             value = abs(_exact_determinant(_colouring_minor(*code)))
             if value % 2 == 0:
                 raise AuditError(
