@@ -213,8 +213,8 @@ def knot_determinant(p: Points, most_crossings: int | None = None) -> int:
             n_crossings = len(code[0]) // 2
             if most_crossings is not None and n_crossings > most_crossings:
                 raise InputError(
-                    f"The diagram of p keeps {n_crossings} crossings, more than most_crossings = {most_crossings}; allow "
-                    "more, and time for it."
+                    f"The diagram of p keeps {n_crossings} crossings, more than most_crossings = {most_crossings}; "
+                    "allow more, and time for it."
                 )
             value = abs(_exact_determinant(_colouring_minor(*code)))
             if value % 2 == 0:
