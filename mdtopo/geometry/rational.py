@@ -84,7 +84,7 @@ def exact_passages(start: ExactCorners, end: ExactCorners) -> tuple[str, list[Me
         elif (turn := _turn(f, root)) == 0:
             state = TOUCH
         else:
-            t = _refined(f, root)
+            t = _refined(f, root, turn)
             size = _value(nn, t)
             meetings.append(Meeting(float(t), float(_value(s, t) / size), float(_value(r, t) / size), turn))
     return (PASSAGE if state == FREE and meetings else state), meetings
@@ -144,6 +144,15 @@ def _value(p: Polynomial, t: Fraction) -> Fraction:
     return total
 
 
+def _sign_at(p: Polynomial, t: Fraction) -> int:
+    """Return the sign of p(t); in whole numbers, without the common divisors that fractions look for."""
+    total, scale = 0, 1
+    for coefficient in reversed(p):
+        total = total * t.numerator + coefficient * scale
+        scale *= t.denominator
+    return _sign(total)
+
+
 def _sign(value: Fraction | int) -> int:
     return (value > 0) - (value < 0)
 
@@ -189,7 +198,7 @@ def unit_roots(p: Polynomial) -> Iterator[Root]:
     """Yield the distinct real roots of a polynomial in [0, 1], isolated, in ascending order."""
     simple = _quotient(p, _common_divisor(p, _derivative(p))) if len(p) > 2 else p
     waiting = [(Fraction(0), Fraction(1))]
-    if _value(simple, Fraction(0)) == 0:
+    if _sign_at(simple, Fraction(0)) == 0:
         yield Root(Fraction(0), Fraction(0))
     while waiting:
         low, high = waiting.pop()
@@ -197,7 +206,7 @@ def unit_roots(p: Polynomial) -> Iterator[Root]:
         if count == 1:
             yield Root(low, high)
         if count < 2:
-            if _value(simple, high) == 0:
+            if _sign_at(simple, high) == 0:
                 yield Root(high, high)
             continue
         middle = (low + high) / 2
@@ -225,7 +234,7 @@ def sign_at(q: Polynomial, root: Root, p: Polynomial) -> int:
     if not q:
         return 0
     if root.low == root.high:
-        return _sign(_value(q, root.low))
+        return _sign_at(q, root.low)
     shared = _common_divisor(p, q)
     if len(shared) > 1 and any(True for _ in _inside(shared, root)):
         return 0
@@ -233,8 +242,8 @@ def sign_at(q: Polynomial, root: Root, p: Polynomial) -> int:
     while any(True for _ in _inside(q, Root(low, high))):
         low, high = _halved(p, low, high)
         if low == high:
-            return _sign(_value(q, low))
-    return _sign(_value(q, (low + high) / 2))
+            return _sign_at(q, low)
+    return _sign_at(q, (low + high) / 2)
 
 
 def _inside(p: Polynomial, root: Root) -> Iterator[Root]:
@@ -257,7 +266,7 @@ def _mapped(p: Polynomial, low: Fraction, high: Fraction) -> Polynomial:
 def _halved(p: Polynomial, low: Fraction, high: Fraction) -> tuple[Fraction, Fraction]:
     """Return the half of an isolating interval that holds the root of p."""
     middle = (low + high) / 2
-    if _value(p, middle) == 0:
+    if _sign_at(p, middle) == 0:
         return middle, middle
     inside = any(True for _ in _inside(p, Root(low, middle)))
     return (low, middle) if inside else (middle, high)
@@ -268,20 +277,24 @@ def _turn(p: Polynomial, root: Root) -> int:
     low, high = root
     if low == high:
         order = 0
-        while _value(p, low) == 0:
+        while _sign_at(p, low) == 0:
             p, order = _derivative(p), order + 1
-        return _sign(_value(p, low)) if order % 2 else 0
-    while _value(p, low) == 0 or _value(p, high) == 0:  # an end may be another root
+        return _sign_at(p, low) if order % 2 else 0
+    while _sign_at(p, low) == 0 or _sign_at(p, high) == 0:  # an end may be another root
         low, high = _halved(p, low, high)
         if low == high:
             return _turn(p, Root(low, low))
-    after = _sign(_value(p, high))
-    return after if after != _sign(_value(p, low)) else 0
+    after = _sign_at(p, high)
+    return after if after != _sign_at(p, low) else 0
 
 
-def _refined(p: Polynomial, root: Root) -> Fraction:
-    """Return the root of p in an isolating interval, to `ROOT_WIDTH`."""
+def _refined(p: Polynomial, root: Root, turn: int) -> Fraction:
+    """Return the root of p in an isolating interval, to `ROOT_WIDTH`; `turn` is the sign of p behind it."""
     low, high = root
     while high - low > ROOT_WIDTH:
-        low, high = _halved(p, low, high)
+        middle = (low + high) / 2
+        sign = _sign_at(p, middle)
+        if sign == 0:
+            return middle
+        low, high = (low, middle) if sign == turn else (middle, high)
     return (low + high) / 2
