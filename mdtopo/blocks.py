@@ -10,10 +10,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.curves import edge_lengths, image_jumps, jumping_edge, step_motion, whole_strands
+from mdtopo.contacts import Found, both_found
+from mdtopo.curves import StepMotion, edge_lengths, image_jumps, jumping_edge, step_motion, whole_strands
 from mdtopo.extremes import N_RUNGS
 from mdtopo.geometry.rigid import covariance
-from mdtopo.ladder import Found, both_found, measure_step
+from mdtopo.ladder import measure_step
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
@@ -117,6 +118,31 @@ def covariances(
 
 
 @njit(cache=True, nogil=True)
+def motion_of(
+    frames: WholeFrames,
+    k: int,
+    periodic: bool,
+    rigid: bool,
+    rotation: FloatArray,
+    vertices: IntArray,
+    offsets: IntArray,
+) -> StepMotion:
+    """Return the motion between frames k and k + 1; see `mdtopo.curves.step_motion`."""
+    return step_motion(
+        frames.positions[k],
+        frames.positions[k + 1],
+        frames.cells[k],
+        frames.cells[k + 1],
+        max(frames.placing[k], frames.placing[k + 1]),
+        periodic,
+        rigid,
+        rotation,
+        vertices,
+        offsets,
+    )
+
+
+@njit(cache=True, nogil=True)
 def measure_steps(
     frames: WholeFrames,
     measurable: BoolArray,
@@ -147,18 +173,7 @@ def measure_steps(
         starts[k + 1] = starts[k]
         if not measurable[k]:
             continue
-        motion = step_motion(
-            frames.positions[k],
-            frames.positions[k + 1],
-            frames.cells[k],
-            frames.cells[k + 1],
-            max(frames.placing[k], frames.placing[k + 1]),
-            periodic,
-            rigid,
-            rotations[k],
-            vertices,
-            offsets,
-        )
+        motion = motion_of(frames, k, periodic, rigid, rotations[k], vertices, offsets)
         out.is_turned[k], out.cell_ok[k] = motion.is_turned, motion.usable
         out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
         if not motion.usable:

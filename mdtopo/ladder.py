@@ -31,6 +31,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mdtopo.contacts import Found, both_found, corners_of, decide_open
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import (
     N_RUNGS,
@@ -46,7 +47,6 @@ from mdtopo.extremes import (
     keep_nu,
     keep_ratio,
 )
-from mdtopo.geometry.bisection import bisected_clearance
 from mdtopo.geometry.broadphase import candidate_pairs
 from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
@@ -61,7 +61,6 @@ from mdtopo.geometry.pairs import (
     line_bound,
     relative_motion,
 )
-from mdtopo.geometry.passage import FREE, MOST_PASSAGES, PASSES, moving_pair, passages
 from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 from mdtopo.records import Rung
 
@@ -71,7 +70,7 @@ BoolArray = NDArray[np.bool_]
 
 BALL, TWO_FRAME_BALL, BROAD_PHASE = int(Rung.BALL), int(Rung.TWO_FRAME_BALL), int(Rung.BROAD_PHASE)
 RELATIVE_MOTION, DIRECTION, HULL = int(Rung.RELATIVE_MOTION), int(Rung.DIRECTION), int(Rung.HULL)
-BISECTION, EXACT, OPEN = int(Rung.BISECTION), int(Rung.EXACT), int(Rung.OPEN)
+OPEN = int(Rung.OPEN)
 
 RATIO_REACH = 1.25
 """Pairs whose ratio is at least 1/1.25 = 0.8 are always in reach: they have d0 + d1 ≤ 1.25 ρ, and ρ is at most the sum
@@ -93,25 +92,6 @@ image by 8u of each lattice vector, reduced ones included; ρ, which adds four o
 
 LEAST_SLACK = 1e-140
 """Å. Added to that rounding: squares of lengths below 1e-160 Å underflow, and a radius or a motion came out as 0."""
-
-
-class Found(NamedTuple):
-    """Passages, and pairs that floating point leaves open.
-
-    Attributes
-    ----------
-    passages : ndarray, shape (k, 14)
-        Edges i and j, image of j (3), t, s, r, point (3), sign, ρ, length of the shorter edge (its least in the step).
-    undecided : ndarray of int, shape (l, 6)
-        Edges i and j, image of j (3), class.
-    """
-
-    passages: FloatArray
-    undecided: IntArray
-
-    def rows(self, start: IntArray, stop: IntArray) -> "Found":
-        """Return some of the passages and some of the pairs; `start` and `stop` hold one number for each."""
-        return Found(self.passages[start[0] : stop[0]], self.undecided[start[1] : stop[1]])
 
 
 class StepMeasure(NamedTuple):
@@ -243,102 +223,6 @@ def settle_pair(
         best.rung_pairs[rung] += 1
     keep_clearance(edges, i, j, kind, clearance, best)
     return True
-
-
-@njit(cache=True, nogil=True, inline="always")
-def corners_of(i: int, j: int, image: Counts, motion: StepMotion, edges: IntArray) -> tuple[Corners, Corners]:
-    """Return the ends of two edges, the second one in its image, at both ends of the step."""
-    a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
-    a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
-    shift0 = lattice_vector(image, basis_of(motion.cell0))
-    shift1 = lattice_vector(image, basis_of(motion.cell1))
-    c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
-    c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
-    return (a0, b0, c0, d0), (a1, b1, c1, d1)
-
-
-@njit(cache=True, nogil=True)
-def decide_open(
-    pairs: IntArray,
-    images: IntArray,
-    is_open: BoolArray,
-    local: bool,
-    motion: StepMotion,
-    edges: IntArray,
-    trace: IntArray,
-    placing: float,
-    best: Extremes,
-) -> Found:
-    """Decide the pairs that rungs 2 to 5 left open: by their passages, else by bisection (rungs 7 and 6).
-
-    A passage is looked for first, because most open pairs have one and bisection would never end on it.
-    """
-    n_open = is_open.sum()
-    found = Found(np.empty((MOST_PASSAGES * n_open, 14)), np.empty((n_open, 6), dtype=np.int64))
-    n_passages, n_undecided, image, kind = 0, 0, (0, 0, 0), 0
-    for k in range(len(pairs)):
-        if not is_open[k]:
-            continue
-        i, j = pairs[k, 0], pairs[k, 1]
-        if not local:
-            if len(images) > 0:
-                image = (images[k, 0], images[k, 1], images[k, 2])
-            kind = 1 if trace[i] == trace[j] else 2
-        start, end = corners_of(i, j, image, motion, edges)
-        state, count, meetings, signs = passages(start, end, placing)
-        rung, clearance = EXACT, 0.0
-        rho = relative_motion(start, end) + placing
-        if state == PASSES:
-            for n in range(count):
-                at = meetings[n]
-                sign = 1.0 if (signs >> n) & 1 else -1.0
-                write_passage(found.passages[n_passages], i, j, image, at, sign, rho, start, end)
-                n_passages += 1
-        else:
-            clearance = bisected_clearance(moving_pair(start, end, placing), rho)
-            if clearance > 0.0:
-                rung = BISECTION
-            elif state != FREE:
-                rung, row_of = OPEN, found.undecided[n_undecided]
-                row_of[0], row_of[1], row_of[5] = i, j, kind
-                row_of[2], row_of[3], row_of[4] = image
-                n_undecided += 1
-        best.rung_pairs[rung] += 1
-        keep_clearance(edges, i, j, kind, clearance, best)
-    return Found(found.passages[:n_passages], found.undecided[:n_undecided])
-
-
-@njit(cache=True, nogil=True)
-def write_passage(
-    out: FloatArray, i: int, j: int, image: Counts, at: Vector, sign: float, rho: float, start: Corners, end: Corners
-) -> None:
-    """Write one row of `Found.passages`."""
-    t, s, r = at
-    a, b = between(start[0], end[0], t), between(start[1], end[1], t)
-    first = min(norm(subtract(start[1], start[0])), norm(subtract(end[1], end[0])))
-    second = min(norm(subtract(start[3], start[2])), norm(subtract(end[3], end[2])))
-    out[0], out[1] = i, j
-    out[2], out[3], out[4] = image
-    out[5], out[6], out[7] = t, s, r
-    out[8], out[9], out[10] = between(a, b, s)
-    out[11], out[12], out[13] = sign, rho, min(first, second)
-
-
-@njit(cache=True, nogil=True)
-def passage_row(
-    i: int, j: int, image: Counts, at: Vector, sign: float, motion: StepMotion, edges: IntArray
-) -> FloatArray:
-    """Return the row of `Found.passages` of a passage that was found elsewhere."""
-    start, end = corners_of(i, j, image, motion, edges)
-    out = np.empty(14)
-    write_passage(out, i, j, image, at, sign, relative_motion(start, end), start, end)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def between(p: Vector, q: Vector, t: float) -> Vector:
-    """Return (1 - t)·p + t·q."""
-    return add(scale(1.0 - t, p), scale(t, q))
 
 
 @njit(cache=True, nogil=True)
@@ -500,12 +384,6 @@ def measure_step(
         reach = min(min(wanted, 2.0 * reach + 0.1 * edge_length), widest)
     needed = min(wanted, reach)
     return conclude(best, displacement, vertex, drift, placing, reach, needed, countable, has_self, has_inter, found)
-
-
-@njit(cache=True, nogil=True)
-def both_found(one: Found, other: Found) -> Found:
-    """Return what two lists of pairs have found, together."""
-    return Found(np.concatenate((one.passages, other.passages)), np.concatenate((one.undecided, other.undecided)))
 
 
 @njit(cache=True, nogil=True)

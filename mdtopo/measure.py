@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mdtopo.audit import changed_invariants
-from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
-from mdtopo.curves import step_motion
+from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps, motion_of
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
 from mdtopo.ladder import PLACING_ERROR
 from mdtopo.passages import StepData, crossing_table, decide_exactly
@@ -121,18 +120,8 @@ def _measure_part(
 def _step_data(plan: BlockPlan, part: Stretch, k: int, rotation: Cell, rigid: bool) -> StepData:
     """Return step k of a part as the ladder has seen it, and as the frames hold it."""
     frames, block, row = part.frames, plan.block, part.steps.start + k
-    motion = step_motion(
-        frames.positions[k],
-        frames.positions[k + 1],
-        frames.cells[k],
-        frames.cells[k + 1],
-        max(frames.placing[k], frames.placing[k + 1]),
-        block.cells is not None,
-        rigid,
-        rotation,
-        part.traces.vertices,
-        part.traces.offsets,
-    )
+    t = part.traces
+    motion = motion_of(frames, k, block.cells is not None, rigid, rotation, t.vertices, t.offsets)
     cells = None if block.cells is None else (block.cells[row], block.cells[row + 1])
     return StepData(motion, (block.positions[row], block.positions[row + 1]), cells, rigid)
 

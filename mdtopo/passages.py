@@ -12,10 +12,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mdtopo.contacts import Found, passage_row
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.lattice import Counts
 from mdtopo.geometry.rational import FREE, PASSAGE, ExactCorners, exact_passages
-from mdtopo.ladder import Found, passage_row
 from mdtopo.records import Crossings, Grade, Reason, Shape, Strands, Traces
 from mdtopo.typing import Cell, Indices, Points
 

@@ -1,0 +1,147 @@
+"""Where two edges come together: the passages of a step, and the pairs that floating point leaves open (rungs 6, 7).
+
+What rungs 2 to 5 do not settle is looked at for passages first, because most such pairs have one and bisection would
+never end on it. What has none and no clearance either goes to exact arithmetic (`mdtopo.passages`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.curves import StepMotion
+from mdtopo.extremes import Extremes, keep_clearance
+from mdtopo.geometry.bisection import bisected_clearance
+from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
+from mdtopo.geometry.pairs import Corners, relative_motion
+from mdtopo.geometry.passage import FREE, MOST_PASSAGES, PASSES, moving_pair, passages
+from mdtopo.geometry.vectors import Vector, add, norm, row, scale, subtract
+from mdtopo.records import Rung
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+BISECTION, EXACT, OPEN = int(Rung.BISECTION), int(Rung.EXACT), int(Rung.OPEN)
+
+
+class Found(NamedTuple):
+    """Passages, and pairs that floating point leaves open.
+
+    Attributes
+    ----------
+    passages : ndarray, shape (k, 14)
+        Edges i and j, image of j (3), t, s, r, point (3), sign, ρ, length of the shorter edge (its least in the step).
+    undecided : ndarray of int, shape (l, 6)
+        Edges i and j, image of j (3), class.
+    """
+
+    passages: FloatArray
+    undecided: IntArray
+
+    def rows(self, start: IntArray, stop: IntArray) -> "Found":
+        """Return some of the passages and some of the pairs; `start` and `stop` hold one number for each."""
+        return Found(self.passages[start[0] : stop[0]], self.undecided[start[1] : stop[1]])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def corners_of(i: int, j: int, image: Counts, motion: StepMotion, edges: IntArray) -> tuple[Corners, Corners]:
+    """Return the ends of two edges, the second one in its image, at both ends of the step."""
+    a0, b0 = row(motion.x0, edges[i, 0]), row(motion.x0, edges[i, 1])
+    a1, b1 = row(motion.x1, edges[i, 0]), row(motion.x1, edges[i, 1])
+    shift0 = lattice_vector(image, basis_of(motion.cell0))
+    shift1 = lattice_vector(image, basis_of(motion.cell1))
+    c0, d0 = add(row(motion.x0, edges[j, 0]), shift0), add(row(motion.x0, edges[j, 1]), shift0)
+    c1, d1 = add(row(motion.x1, edges[j, 0]), shift1), add(row(motion.x1, edges[j, 1]), shift1)
+    return (a0, b0, c0, d0), (a1, b1, c1, d1)
+
+
+@njit(cache=True, nogil=True)
+def decide_open(
+    pairs: IntArray,
+    images: IntArray,
+    is_open: BoolArray,
+    local: bool,
+    motion: StepMotion,
+    edges: IntArray,
+    trace: IntArray,
+    placing: float,
+    best: Extremes,
+) -> Found:
+    """Decide the pairs that rungs 2 to 5 left open: by their passages, else by bisection (rungs 7 and 6).
+
+    Each is counted under its rung, and its clearance is kept: 0 where it passes, or is not decided.
+    """
+    n_open = is_open.sum()
+    found = Found(np.empty((MOST_PASSAGES * n_open, 14)), np.empty((n_open, 6), dtype=np.int64))
+    n_passages, n_undecided, image, kind = 0, 0, (0, 0, 0), 0
+    for k in range(len(pairs)):
+        if not is_open[k]:
+            continue
+        i, j = pairs[k, 0], pairs[k, 1]
+        if not local:
+            if len(images) > 0:
+                image = (images[k, 0], images[k, 1], images[k, 2])
+            kind = 1 if trace[i] == trace[j] else 2
+        start, end = corners_of(i, j, image, motion, edges)
+        state, count, meetings, signs = passages(start, end, placing)
+        rung, clearance = EXACT, 0.0
+        rho = relative_motion(start, end) + placing
+        if state == PASSES:
+            for n in range(count):
+                at = meetings[n]
+                sign = 1.0 if (signs >> n) & 1 else -1.0
+                write_passage(found.passages[n_passages], i, j, image, at, sign, rho, start, end)
+                n_passages += 1
+        else:
+            clearance = bisected_clearance(moving_pair(start, end, placing), rho)
+            if clearance > 0.0:
+                rung = BISECTION
+            elif state != FREE:
+                rung, row_of = OPEN, found.undecided[n_undecided]
+                row_of[0], row_of[1], row_of[5] = i, j, kind
+                row_of[2], row_of[3], row_of[4] = image
+                n_undecided += 1
+        best.rung_pairs[rung] += 1
+        keep_clearance(edges, i, j, kind, clearance, best)
+    return Found(found.passages[:n_passages], found.undecided[:n_undecided])
+
+
+@njit(cache=True, nogil=True)
+def write_passage(
+    out: FloatArray, i: int, j: int, image: Counts, at: Vector, sign: float, rho: float, start: Corners, end: Corners
+) -> None:
+    """Write one row of `Found.passages`."""
+    t, s, r = at
+    a, b = between(start[0], end[0], t), between(start[1], end[1], t)
+    first = min(norm(subtract(start[1], start[0])), norm(subtract(end[1], end[0])))
+    second = min(norm(subtract(start[3], start[2])), norm(subtract(end[3], end[2])))
+    out[0], out[1] = i, j
+    out[2], out[3], out[4] = image
+    out[5], out[6], out[7] = t, s, r
+    out[8], out[9], out[10] = between(a, b, s)
+    out[11], out[12], out[13] = sign, rho, min(first, second)
+
+
+@njit(cache=True, nogil=True)
+def passage_row(
+    i: int, j: int, image: Counts, at: Vector, sign: float, motion: StepMotion, edges: IntArray
+) -> FloatArray:
+    """Return the row of `Found.passages` of a passage that was found elsewhere."""
+    start, end = corners_of(i, j, image, motion, edges)
+    out = np.empty(14)
+    write_passage(out, i, j, image, at, sign, relative_motion(start, end), start, end)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def between(p: Vector, q: Vector, t: float) -> Vector:
+    """Return (1 - t)·p + t·q."""
+    return add(scale(1.0 - t, p), scale(t, q))
+
+
+@njit(cache=True, nogil=True)
+def both_found(one: Found, other: Found) -> Found:
+    """Return what two lists of pairs have found, together."""
+    return Found(np.concatenate((one.passages, other.passages)), np.concatenate((one.undecided, other.undecided)))
