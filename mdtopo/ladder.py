@@ -52,7 +52,6 @@ from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import (
     BOUND_ERROR,
-    Corners,
     cheap_bounds,
     direction_clearance,
     hull_clearance,
@@ -61,7 +60,7 @@ from mdtopo.geometry.pairs import (
     line_bound,
     relative_motion,
 )
-from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
+from mdtopo.geometry.vectors import add, dot, norm, row, scale, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
