@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from mdtopo.errors import InputError
-from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
+from mdtopo.readers import Reader
 from mdtopo.records import Crossing, Frame, MonitorConfig, Rung, Verdict
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
-from mdtopo.store import Results, fingerprint, read_results
+from mdtopo.reopening import frames_at, input_files, open_again
+from mdtopo.store import Results, read_results
 from mdtopo.typing import Lengths
 
 SAME_NUMBER = 1e-9
@@ -135,48 +136,9 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
     found = read_results(results)
     paths, notes = input_files(results, found, inputs)
     chosen, left_out = chosen_steps(results, found, sampling)
-    request = ReaderRequest(found.request.get("select"), dict(found.request.get("reader_options") or {}))
-    with open_reader(Source(paths=tuple(paths)), request, reader=found.request.get("reader")) as reader:
-        _refuse_other_strands(results, found, reader)
+    with open_again(results, found, paths) as reader:
         checks = tuple(_checks(found, reader, chosen))
     return Verification(len(found.steps["verdict"]), checks, left_out, tuple(file_differences(found)), tuple(notes))
-
-
-def input_files(results: Path, found: Results, given: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Return the input files, and what is to be said of them.
-
-    Raises
-    ------
-    InputError
-        If one is missing, or is not as it was.
-    """
-    stored = found.provenance["inputs"]
-    if not stored and not given:
-        raise InputError(f"{results} was made from an object in memory; name the topology and the trajectory.")
-    if stored and given and len(stored) != len(given):
-        raise InputError(
-            f"{results} was made from {len(stored)} files, and {len(given)} are named; name all in order, or none."
-        )
-    paths = [Path(path) for path in given] or [Path(entry["path"]) for entry in stored]
-    notes = (
-        [] if stored else ["the results do not say from which files they were made, so nobody knows if these are it"]
-    )
-    for path, entry in zip(paths, stored, strict=bool(stored)):
-        now = fingerprint(path)
-        for key, word in (("size", "size"), ("sha256_of_size_and_first_and_last_mebibyte", "content")):
-            if getattr(now, key) != entry[key]:
-                raise InputError(f"{path} is not the file that {results} was made from: its {word} has changed.")
-        if now.path == entry["path"] and now.modified != entry["modified"]:
-            notes.append(f"{path} was written to since the run; size, beginning and end are as they were")
-    return paths, notes
-
-
-def _refuse_other_strands(results: Path, found: Results, reader: Reader) -> None:
-    ours, theirs = found.strands, reader.strands
-    atoms = ours.labels.atom_index, theirs.labels.atom_index
-    pairs = ((ours.offsets, theirs.offsets), (ours.closed, theirs.closed), atoms)
-    if not all(np.array_equal(one, other) for one, other in pairs):
-        raise InputError(f"The strands of the input are not those of {results}; was it made with another selection?")
 
 
 def chosen_steps(results: Path, found: Results, sampling: Sampling) -> tuple[dict[int, str], int]:
@@ -231,7 +193,7 @@ def _checks(found: Results, reader: Reader, chosen: dict[int, str]) -> Iterator[
     rows = [step - found.first_step for step in chosen]
     frames = found.steps["frame_t0"][rows], found.steps["frame_t1"][rows]
     # whether a run is periodic is decided by its trajectory's first frame
-    stream = _frames_at(reader, sorted({0, *np.concatenate(frames).tolist()}))
+    stream = frames_at(reader, sorted({0, *np.concatenate(frames).tolist()}))
     held = {0: (first := next(stream))}
     for (step, kind), t0, t1 in zip(chosen.items(), *(column.tolist() for column in frames), strict=True):
         held = {index: frame for index, frame in held.items() if index >= t0}
@@ -239,17 +201,6 @@ def _checks(found: Results, reader: Reader, chosen: dict[int, str]) -> Iterator[
             frame = next(stream)
             held[frame.index] = frame
         yield check_step(found, step, kind, held[t0], held[t1], periodic=first.cell is not None)
-
-
-def _frames_at(reader: Reader, indices: list[int]) -> Iterator[Frame]:
-    """Yield these frames in order; a stream is read through for them."""
-    if reader.n_frames is None:
-        wanted = set(indices)
-        yield from (frame for frame in reader.frames() if frame.index in wanted)
-    else:
-        for index in indices:
-            yield from reader.frames(index, index + 1, 1)
-    raise InputError(f"The trajectory ends before frame {indices[-1]}, which the results speak of.")
 
 
 def check_step(found: Results, step: int, kind: str, frame0: Frame, frame1: Frame, *, periodic: bool) -> StepCheck:

@@ -12,8 +12,9 @@ import pytest
 from mdtopo import MonitorConfig, monitor
 from mdtopo.errors import InputError
 from mdtopo.records import Frame, Reason, Strands, Verdict
+from mdtopo.reopening import input_files
 from mdtopo.store import Results, read_results
-from mdtopo.verification import Sampling, StepCheck, check_step, chosen_steps, file_differences, input_files, verify
+from mdtopo.verification import Sampling, StepCheck, check_step, chosen_steps, file_differences, verify
 
 EVERY = Sampling(nearest=1000)
 CROSSED = 4
