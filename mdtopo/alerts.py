@@ -17,6 +17,7 @@ from mdtopo.records import (
     AlertKind,
     BrokenEdge,
     Crossing,
+    Crossings,
     Grade,
     MonitorConfig,
     Reason,
@@ -27,6 +28,7 @@ from mdtopo.records import (
     Strands,
     Verdict,
 )
+from mdtopo.states import CRITERION_COLUMN, counts_of, meets_limit, step_states
 from mdtopo.typing import Flags, Indices, Ratios
 
 SEVERITY = {
@@ -92,24 +94,23 @@ class Event:
 
 def near_limit_values(table: StepTable, config: MonitorConfig) -> tuple[Ratios, Flags]:
     """Return the value that the near-limit criterion looks at in each step, and whether it meets the limit."""
-    if config.criterion == "clearance":
-        return table.clearance, table.clearance <= config.near_limit
-    values = table.pair_ratio if config.criterion == "pair" else table.nu_ratio
-    return values, values >= config.near_limit
+    values: Ratios = getattr(table, CRITERION_COLUMN[config.criterion])
+    return values, meets_limit(values, config)
 
 
 def count_steps(table: StepTable, config: MonitorConfig) -> StepCounts:
     """Return the five counts of a table."""
-    certified = table.verdict == Verdict.CERTIFIED
-    near = certified & near_limit_values(table, config)[1]
-    by_ball = certified & ~near & (table.rung <= Rung.TWO_FRAME_BALL)
-    return StepCounts(
-        ball=int(by_ball.sum()),
-        pairs=int((certified & ~near & ~by_ball).sum()),
-        near_limit=int(near.sum()),
-        unresolved=int((table.verdict == Verdict.UNRESOLVED).sum()),
-        crossed=int((table.verdict == Verdict.CROSSING).sum()),
-    )
+    values, _ = near_limit_values(table, config)
+    return counts_of(step_states(table.verdict, table.rung, values, config))
+
+
+def crossing_keys(crossings: Crossings) -> Iterator[str]:
+    """Yield for each crossing, in order, what its alert's id holds behind the step: the first vertices of its edges."""
+    seen: Counter[tuple[int, str]] = Counter()
+    for step, edges in zip(crossings.step.tolist(), crossings.edges.tolist(), strict=True):
+        pair = f"{edges[0][0]}-{edges[1][0]}"
+        yield f"{pair}-{seen[step, pair]}" if seen[step, pair] else pair
+        seen[step, pair] += 1
 
 
 class AlertStream:
@@ -210,13 +211,8 @@ class AlertStream:
             )
 
     def _crossed(self, table: StepTable) -> Iterator[Finding]:
-        seen: Counter[str] = Counter()
-        for crossing in table.crossings:
+        for crossing, key in zip(table.crossings, crossing_keys(table.crossings), strict=True):
             row = crossing.step - table.first_step
-            pair = f"{crossing.edges[0, 0]}-{crossing.edges[1, 0]}"
-            place = f"{crossing.step}:{pair}"
-            key = f"{pair}-{seen[place]}" if seen[place] else pair
-            seen[place] += 1
             spacing = float(table.time_t1[row] - table.time_t0[row])
             finding = self._finding(
                 table, row, AlertKind.CROSSING, key, crossing.edges.ravel(), crossing.motion, crossing.motion,

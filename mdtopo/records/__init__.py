@@ -22,7 +22,7 @@ from mdtopo.records.steps import (
     Verdict,
 )
 from mdtopo.records.strands import Gap, Strands, VertexLabels
-from mdtopo.records.summary import RunSummary, RunVerdict, StepCounts, run_verdict
+from mdtopo.records.summary import RunSummary, RunVerdict, StepCounts, StepState, run_verdict
 from mdtopo.records.traces import Traces
 
 __all__ = [
@@ -50,6 +50,7 @@ __all__ = [
     "Shape",
     "StepCounts",
     "StepReport",
+    "StepState",
     "StepTable",
     "Strands",
     "Stretches",

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,16 @@ class RunVerdict(StrEnum):
     WARN = "WARN"
     UNPROVEN = "UNPROVEN"
     FAIL = "FAIL"
+
+
+class StepState(IntEnum):
+    """How a step ended, in rising order of concern; `StepCounts` says what each means."""
+
+    BALL = 0
+    PAIRS = 1
+    NEAR_LIMIT = 2
+    UNRESOLVED = 3
+    CROSSED = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +133,27 @@ class RunSummary:
             "ratio_step": self.ratio_step,
             "stopped": self.stopped,
         }
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any], *, results: Path | None = None) -> "RunSummary":
+        """Return the summary that `to_mapping` has made plain."""
+
+        def number(value: float | None) -> float:
+            return math.nan if value is None else float(value)
+
+        return cls(
+            verdict=RunVerdict(values["verdict"]),
+            counts=StepCounts(**values["counts"]),
+            crossings={grade: int(values["crossings"].get(grade.name.lower(), 0)) for grade in Grade},
+            n_fractures=int(values["n_fractures"]),
+            alerts={severity: int(values["alerts"].get(severity.name.lower(), 0)) for severity in Severity},
+            clearance=number(values["clearance"]),
+            clearance_step=int(values["clearance_step"]),
+            ratio=number(values["ratio"]),
+            ratio_step=int(values["ratio_step"]),
+            results=results,
+            stopped=str(values.get("stopped", "")),
+        )
 
 
 def run_verdict(counts: StepCounts, crossings: Mapping[Grade, int], n_fractures: int, n_warnings: int) -> RunVerdict:

@@ -84,3 +84,11 @@ def test_the_plain_values_of_a_summary_are_json_and_name_every_grade() -> None:
     assert (values["verdict"], values["n_steps"], values["n_fractures"]) == ("FAIL", 15, 6)
     assert (values["clearance"], values["clearance_step"], values["ratio"], values["ratio_step"]) == (None, -1, None, 9)
     assert values["alerts"] == {"critical": 7}
+
+
+def test_a_summary_survives_json() -> None:
+    crossings = {Grade.UNDERSAMPLED: 0, Grade.RESOLVED: 2, Grade.PROVEN: 1}
+    alerts = {Severity.INFO: 3, Severity.WARNING: 0, Severity.CRITICAL: 3}
+    counts = StepCounts(ball=1, pairs=2, near_limit=3, unresolved=4, crossed=5)
+    summary = RunSummary(RunVerdict.FAIL, counts, crossings, 1, alerts, 0.25, 3, 1.5, 7, None, "it ended")
+    assert RunSummary.from_mapping(json.loads(json.dumps(summary.to_mapping()))) == summary
