@@ -222,7 +222,7 @@ def _argument(option: Option) -> dict[str, Any]:
             return {**shown, "choices": option.choices}
         case Kind.PAIRS:
             return {**shown, "metavar": option.metavar, "action": "append", "type": name_and_value}
-    types: dict[Kind, Any] = {Kind.NUMBER: float, Kind.INTEGER: int, Kind.COUNT: _count, Kind.FRAMES: _frames_text}
+    types: dict[Kind, Any] = {Kind.NUMBER: float, Kind.INTEGER: int, Kind.COUNT: count, Kind.FRAMES: _frames_text}
     return {**shown, "metavar": option.metavar, "type": types.get(option.kind, str)}
 
 
@@ -261,7 +261,8 @@ def frame_slice(text: str) -> slice:
     return wanted
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """Return the whole number above 0 that a word of the command line is."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
     return int(text)
