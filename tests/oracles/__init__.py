@@ -8,6 +8,10 @@
 | `passages` | every contact and every crossing of a linear motion, decided in rational arithmetic |
 | `lattice` | nearest images, whole strands, the images within range |
 | `invariants` | linking number, writhe, knot determinant, best rotation |
+| `beziers` | points, pieces and differences of Bezier curves |
+| `zeros` | zeros of polynomial maps on a box |
+| `curves` | where a composite curve meets itself, at rest and while it moves |
+| `splines` | splines from their definitions |
 
 Numbers may come as floats (taken as the dyadic rationals they are), integers, Fractions or strings ("1/3").
 """
