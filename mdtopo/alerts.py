@@ -7,7 +7,7 @@ comes before a fracture, and would be late otherwise.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,6 +54,15 @@ UNDECIDED = {
     Reason.FRAME: "two edges touch in one of the two frames",
 }
 
+ONCE = (AlertKind.FRACTURE, AlertKind.CROSSING)
+"""What happens at one step and never goes on."""
+
+ONSET = "-onset"
+"""How the id ends of what is said when an event begins."""
+
+PAIR_COLUMN = {"pair": "pair_ratio_pair", "nu": "nu_pair", "clearance": "clearance_pair"}
+"""By criterion, the step column that holds the pair which its value is of."""
+
 UNITS = {"pair": "", "nu": "", "clearance": " Å"}
 CRITERIA = {"pair": "pair ratio", "nu": "2m/ν", "clearance": "clearance"}
 
@@ -98,6 +107,22 @@ def near_limit_values(table: StepTable, config: MonitorConfig) -> tuple[Ratios, 
     return values, meets_limit(values, config)
 
 
+def said_at(kind: AlertKind, step_end: int, merge_steps: int) -> int:
+    """Return the step with which an event is over: one quiet step too many; what happens once is over at once."""
+    return step_end if kind in ONCE else step_end + merge_steps + 1
+
+
+def alert_order(alert: Alert, merge_steps: int) -> tuple[int, str]:
+    """Return the key that sorts alerts as a run says them: by the step they are due with, and by id within a step.
+
+    Gaps come before the first step, in the order of the strands: their key is the same for all of them.
+    """
+    if alert.kind is AlertKind.GAP:
+        return -1, ""
+    due = alert.step_start if alert.id.endswith(ONSET) else said_at(alert.kind, alert.step_end, merge_steps)
+    return due, alert.id
+
+
 def count_steps(table: StepTable, config: MonitorConfig) -> StepCounts:
     """Return the five counts of a table."""
     values, _ = near_limit_values(table, config)
@@ -122,11 +147,16 @@ class AlertStream:
         Names the strands and residues.
     config : MonitorConfig
         Thresholds, and how far apart steps of one event may be.
+    kinds : collection of AlertKind
+        What is looked for in the tables; by default everything.
     """
 
-    def __init__(self, strands: Strands, config: MonitorConfig) -> None:
+    def __init__(
+        self, strands: Strands, config: MonitorConfig, kinds: Collection[AlertKind] = frozenset(AlertKind)
+    ) -> None:
         self._strands = strands
         self._config = config
+        self._kinds = kinds
         self._open: dict[tuple[AlertKind, str], Event] = {}
 
     def opening(self) -> Iterator[Alert]:
@@ -144,7 +174,8 @@ class AlertStream:
         """Yield the alerts of the events that have ended within the table."""
         closed: list[tuple[int, Event]] = []
         onsets: list[tuple[int, Alert]] = []
-        for finding in sorted(self._findings(table), key=lambda f: f.step):
+        findings = (finding for finding in self._findings(table) if finding.kind in self._kinds)
+        for finding in sorted(findings, key=lambda f: f.step):
             slot = (finding.kind, finding.key)
             event = self._open.get(slot)
             if event is not None and self._ends_at(event) < finding.step:
@@ -166,16 +197,13 @@ class AlertStream:
         yield from _in_order(closed)
 
     def _ends_at(self, event: Event) -> int:
-        """Return the step that is one quiet step too many for the event to go on; what happens once never goes on."""
-        if event.first.kind in (AlertKind.FRACTURE, AlertKind.CROSSING):
-            return event.last.step
-        return event.last.step + self._config.merge_steps + 1
+        return said_at(event.first.kind, event.last.step, self._config.merge_steps)
 
     def _onset(self, finding: Finding) -> Alert:
         """Return what is said when an event begins, before anyone knows how it ends."""
         alert = self._alert(Event(finding, finding, finding))
         return replace(
-            alert, id=f"{alert.id}-onset", message=alert.message.replace("is stretched to", "begins to stretch, at")
+            alert, id=f"{alert.id}{ONSET}", message=alert.message.replace("is stretched to", "begins to stretch, at")
         )
 
     def _findings(self, table: StepTable) -> Iterator[Finding]:
@@ -190,7 +218,7 @@ class AlertStream:
     def _near_limit(self, table: StepTable) -> Iterator[Finding]:
         criterion, limit = self._config.criterion, self._config.near_limit
         values, near = near_limit_values(table, self._config)
-        pairs = {"pair": table.pair_ratio_pair, "nu": table.nu_pair, "clearance": table.clearance_pair}[criterion]
+        pairs: Indices = getattr(table, PAIR_COLUMN[criterion])
         sign = -1.0 if criterion == "clearance" else 1.0
         for row in np.flatnonzero(near):
             value, unit = float(values[row]), UNITS[criterion]
@@ -303,11 +331,7 @@ class AlertStream:
     def _pair_in_words(self, pair: Indices) -> str:
         if (pair < 0).any():
             return "no pair in reach"
-        first, second = (
-            self._strands.labels.text(edge[0]) if edge[0] == edge[1] else self._strands.describe_edge(edge)
-            for edge in pair
-        )
-        return f"{first} x {second}"
+        return self._strands.describe_pair(pair)
 
     def _alert(self, event: Event) -> Alert:
         first, peak, last = event.first, event.peak, event.last

@@ -171,6 +171,11 @@ class Strands:
         tail, head = (self.labels.text(int(v)) for v in edge)
         return f"{tail}-{head.split(':', 1)[-1]}"
 
+    def describe_pair(self, pair: Indices) -> str:
+        """Return a pair [[a, b], [c, d]] in words, such as ``A:GLY12-ALA13 x B:SER4-THR5``; [a, a] is a vertex."""
+        first, second = (self.labels.text(a) if a == b else self.describe_edge((a, b)) for a, b in pair)
+        return f"{first} x {second}"
+
 
 def _vertices(count: int) -> str:
     return "1 vertex" if count == 1 else f"{count} vertices"

@@ -1,0 +1,98 @@
+"""Alerts as text: JSON Lines, CSV, or a table for people."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
+
+from mdtopo.records.alerts import Alert, AlertKind
+
+HEADINGS = ("severity", "kind", "steps", "peak", "frames", "time/ps", "value", "limit", "where")
+
+SHOWN_LABELS = 4
+"""Labels of vertices in a table: a pair of edges has four."""
+
+
+def formatted(alerts: Sequence[Alert], form: str) -> Iterator[str]:
+    """Yield lines, with their ends."""
+    return FORMATS[form](alerts)
+
+
+def _json_lines(alerts: Iterable[Alert]) -> Iterator[str]:
+    for alert in alerts:
+        yield json.dumps(alert.to_mapping(), ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _csv_lines(alerts: Iterable[Alert]) -> Iterator[str]:
+    """Yield one row for each alert under the names of the JSON fields; lists are joined by '; ', null is empty."""
+    yield _csv_row(["schema", *Alert.__slots__])
+    for alert in alerts:
+        yield _csv_row([_cell(value) for value in alert.to_mapping().values()])
+
+
+def _csv_row(cells: Iterable[Any]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return "; ".join(value)
+    return "" if value is None else value
+
+
+def _table_lines(alerts: Sequence[Alert]) -> Iterator[str]:
+    """Yield a table with aligned columns; nothing but a heading where there is no alert."""
+    rows = [HEADINGS, *(_table_row(alert) for alert in alerts)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
+    for row in rows:
+        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() + "\n"
+
+
+def _table_row(alert: Alert) -> tuple[str, ...]:
+    of_steps = alert.kind is not AlertKind.GAP
+    return (
+        alert.severity.name.lower(),
+        alert.kind.value,
+        _span(alert.step_start, alert.step_end) if of_steps else "-",
+        str(alert.step_peak) if of_steps else "-",
+        _span(alert.frame_start, alert.frame_end) if of_steps else "-",
+        _times(alert.time_start, alert.time_end),
+        _number(alert.value),
+        _number(alert.limit),
+        _where(alert),
+    )
+
+
+def _span(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first}-{last}"
+
+
+def _times(start: float, end: float) -> str:
+    return f"{start:g}-{end:g}" if math.isfinite(start) and math.isfinite(end) else "-"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _where(alert: Alert) -> str:
+    labels = list(alert.residues[:SHOWN_LABELS])
+    if len(alert.residues) > SHOWN_LABELS:
+        labels.append("...")
+    return printable(" ".join(labels)) or "-"
+
+
+def printable(text: str) -> str:
+    """Return text that a terminal shows as it is: labels come from files, and may hold control characters."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+FORMATS: dict[str, Callable[[Sequence[Alert]], Iterator[str]]] = {
+    "table": _table_lines,
+    "jsonl": _json_lines,
+    "csv": _csv_lines,
+}
