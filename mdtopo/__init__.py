@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mdtopo.analysis import IsotopyAnalysis
+    from mdtopo.approximation import approximate
     from mdtopo.errors import AuditError, InputError, MdtopoError, OutputError
     from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
     from mdtopo.pipeline import monitor, steps
@@ -16,10 +17,12 @@ if TYPE_CHECKING:
     from mdtopo.records import (
         Alert,
         AlertKind,
+        Approximation,
         Crossing,
         Grade,
         MonitorConfig,
         PairClass,
+        ParametricCurve,
         Reason,
         Rung,
         RunSummary,
@@ -37,6 +40,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Alert": "records",
     "AlertKind": "records",
+    "Approximation": "records",
     "AuditError": "errors",
     "Crossing": "records",
     "Grade": "records",
@@ -46,6 +50,7 @@ _HOMES = {
     "MonitorConfig": "records",
     "OutputError": "errors",
     "PairClass": "records",
+    "ParametricCurve": "records",
     "Reason": "records",
     "RunSummary": "records",
     "RunVerdict": "records",
@@ -55,6 +60,7 @@ _HOMES = {
     "StepReport": "records",
     "Strands": "records",
     "Verdict": "records",
+    "approximate": "approximation",
     "knot_determinant": "geometry.linking",
     "linking_number": "geometry.linking",
     "monitor": "pipeline",
@@ -68,6 +74,7 @@ _HOMES = {
 __all__ = [
     "Alert",
     "AlertKind",
+    "Approximation",
     "AuditError",
     "Crossing",
     "Grade",
@@ -77,6 +84,7 @@ __all__ = [
     "MonitorConfig",
     "OutputError",
     "PairClass",
+    "ParametricCurve",
     "Reason",
     "RunSummary",
     "RunVerdict",
@@ -87,6 +95,7 @@ __all__ = [
     "Strands",
     "Verdict",
     "__version__",
+    "approximate",
     "knot_determinant",
     "linking_number",
     "monitor",

@@ -5,9 +5,11 @@ which strand and is constant over a run; `MonitorConfig` holds every knob.
 """
 
 from mdtopo.records.alerts import Alert, AlertKind, Severity
+from mdtopo.records.approximation import Approximation
 from mdtopo.records.config import Criterion, MonitorConfig, Motion
 from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
 from mdtopo.records.frames import Frame, FrameBlock
+from mdtopo.records.parametric import ParametricCurve
 from mdtopo.records.reference import ReferenceLengths
 from mdtopo.records.steps import (
     BrokenEdge,
@@ -28,6 +30,7 @@ from mdtopo.records.traces import Traces
 __all__ = [
     "Alert",
     "AlertKind",
+    "Approximation",
     "BrokenEdge",
     "Column",
     "Criterion",
@@ -40,6 +43,7 @@ __all__ = [
     "MonitorConfig",
     "Motion",
     "PairClass",
+    "ParametricCurve",
     "Reason",
     "ReferenceLengths",
     "RunSummary",
