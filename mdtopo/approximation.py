@@ -77,7 +77,7 @@ def approximate(
     >>> parabola = ParametricCurve(lambda t: (t, t * t), lambda t: (0.0, 2.0))
     >>> found = approximate(parabola, epsilon=1 / 16)
     >>> found.parameters.round(12).tolist(), round(found.chord_error, 4)
-    ([0.0, 0.25, 0.5, 0.75, 1.0], 0.0156)
+    ([0.0, 0.25, 0.5, 0.75, 1.0], 0.0152)
     """
     limit, step = _limits(tolerance, epsilon)
     panels = bend_panels(_bend_lengths(curve), np.linspace(0.0, 1.0, FIRST_PANELS + 1))
