@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from mdtopo.analysis import IsotopyAnalysis
     from mdtopo.approximation import approximate
     from mdtopo.errors import AuditError, InputError, MdtopoError, OutputError
+    from mdtopo.geometry.hull import d_star
     from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
     from mdtopo.pipeline import monitor, steps
     from mdtopo.polyline import nu, polyline_step
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
         Alert,
         AlertKind,
         Approximation,
+        CompositeBezier,
         Crossing,
         Grade,
         MonitorConfig,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
         Strands,
         Verdict,
     )
+    from mdtopo.smooth import spline_curve
     from mdtopo.store import read_results
 
 __version__ = "0.1.0"
@@ -42,6 +45,7 @@ _HOMES = {
     "AlertKind": "records",
     "Approximation": "records",
     "AuditError": "errors",
+    "CompositeBezier": "records",
     "Crossing": "records",
     "Grade": "records",
     "InputError": "errors",
@@ -61,12 +65,14 @@ _HOMES = {
     "Strands": "records",
     "Verdict": "records",
     "approximate": "approximation",
+    "d_star": "geometry.hull",
     "knot_determinant": "geometry.linking",
     "linking_number": "geometry.linking",
     "monitor": "pipeline",
     "nu": "polyline",
     "polyline_step": "polyline",
     "read_results": "store",
+    "spline_curve": "smooth",
     "steps": "pipeline",
     "writhe": "geometry.linking",
 }
@@ -76,6 +82,7 @@ __all__ = [
     "AlertKind",
     "Approximation",
     "AuditError",
+    "CompositeBezier",
     "Crossing",
     "Grade",
     "InputError",
@@ -96,12 +103,14 @@ __all__ = [
     "Verdict",
     "__version__",
     "approximate",
+    "d_star",
     "knot_determinant",
     "linking_number",
     "monitor",
     "nu",
     "polyline_step",
     "read_results",
+    "spline_curve",
     "steps",
     "writhe",
 ]

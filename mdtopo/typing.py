@@ -15,6 +15,9 @@ Points: TypeAlias = NDArray[np.float64]
 PointSeries: TypeAlias = NDArray[np.float64]
 """Positions of several frames, shape (n_frames, n, 3), Å."""
 
+BezierPoints: TypeAlias = NDArray[np.float64]
+"""Control points of Bezier segments, shape (n_segments, degree + 1, 3), Å."""
+
 Cell: TypeAlias = NDArray[np.float64]
 """Rows are the three lattice vectors, shape (3, 3), Å."""
 

@@ -6,6 +6,7 @@ which strand and is constant over a run; `MonitorConfig` holds every knob.
 
 from mdtopo.records.alerts import Alert, AlertKind, Severity
 from mdtopo.records.approximation import Approximation
+from mdtopo.records.beziers import CompositeBezier
 from mdtopo.records.config import Criterion, MonitorConfig, Motion
 from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
 from mdtopo.records.frames import Frame, FrameBlock
@@ -33,6 +34,7 @@ __all__ = [
     "Approximation",
     "BrokenEdge",
     "Column",
+    "CompositeBezier",
     "Criterion",
     "Crossing",
     "Crossings",
