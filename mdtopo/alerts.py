@@ -244,7 +244,7 @@ class AlertStream:
             spacing = float(table.time_t1[row] - table.time_t0[row])
             finding = self._finding(
                 table, row, AlertKind.CROSSING, key, crossing.edges.ravel(), crossing.motion, crossing.motion,
-                crossing.resolution, _crossing_in_words(crossing, spacing),
+                crossing.resolution, crossing_in_words(crossing, spacing),
             )  # fmt: skip
             yield replace(finding, severity=CROSSING_SEVERITY[crossing.grade])
 
@@ -362,7 +362,7 @@ def _severity(finding: Finding) -> Severity:
     return SEVERITY[finding.kind] if finding.severity is None else finding.severity
 
 
-def _crossing_in_words(crossing: Crossing, spacing: float) -> str:
+def crossing_in_words(crossing: Crossing, spacing: float) -> str:
     """Return what passes through what, where, and what it says about the physics; `spacing` of the frames in ps."""
     first, second = crossing.strands
     what = f"{first} passes through {'itself' if first == second else second}"

@@ -1,0 +1,83 @@
+"""``mdtopo explain``: the story of one step."""
+
+import argparse
+import sys
+import textwrap
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mdtopo.cli.alertformats import printable
+from mdtopo.cli.exits import EXIT_HELP, Exit
+from mdtopo.cli.options import VERBOSE, add_options
+
+if TYPE_CHECKING:
+    from mdtopo.explanation import Section
+
+WIDTH = 100
+
+DESCRIPTION = """\
+Tell the story of one step in plain words with its numbers: what moved, how near pairs came, which rule decided, what
+crossed, and which frame spacing would have settled it. Everything is taken from the results file.
+"""
+
+EXAMPLE = """\
+example:
+  mdtopo explain run.h5 489
+  mdtopo explain run.h5 --frame 250
+
+"""
+
+
+def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "explain",
+        help="tell the story of one step in plain words",
+        usage="mdtopo explain [options] RESULTS (STEP | --frame N)",
+        description=DESCRIPTION,
+        epilog=EXAMPLE + EXIT_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
+    parser.add_argument("step", metavar="STEP", type=_number, nargs="?", help="number of the step, counted from 0")
+    parser.add_argument(
+        "--frame",
+        metavar="N",
+        type=_number,
+        help="instead of a step: the one that begins at this frame of the trajectory",
+    )
+    add_options(parser, (VERBOSE,))
+    parser.set_defaults(run=run, parser=parser)
+
+
+def _number(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
+    return int(text)
+
+
+def run(arguments: argparse.Namespace) -> Exit:
+    """Print the story."""
+    if (arguments.step is None) == (arguments.frame is None):
+        arguments.parser.error("name a step, or a frame with --frame, and not both")
+    from mdtopo.explanation import explain, step_of_frame
+    from mdtopo.store import read_results
+
+    results = read_results(arguments.results)
+    step = arguments.step if arguments.frame is None else step_of_frame(results, arguments.frame)
+    sys.stdout.write("\n".join(_lines(explain(results, step))) + "\n")
+    return Exit.DONE
+
+
+def _lines(sections: "Sequence[Section]") -> Iterator[str]:
+    for k, section in enumerate(sections):
+        if k:
+            yield ""
+        yield section.title
+        for sentence in section.sentences:
+            indent = "    " if sentence.startswith("  ") else "  "
+            text = printable(sentence.strip())
+            yield from textwrap.wrap(
+                text, WIDTH, initial_indent=indent, subsequent_indent=indent + "  ", break_on_hyphens=False
+            )
