@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from mdtopo.errors import InputError
-from mdtopo.geometry.bezier import evaluate
 from mdtopo.typing import BezierPoints, Flags, Indices, Points, Ratios
 
 
@@ -125,4 +124,6 @@ class CompositeBezier:
     def points(self, u: Ratios | Sequence[float]) -> Points:
         """Return the points of every segment at parameters u from 0 to 1, shape (m, len(u), 3), Å."""
         parameters = np.asarray(u, dtype=np.float64)
+        from mdtopo.geometry.bezier import evaluate  # compiled: numba is not for who only wants the records
+
         return np.stack([evaluate(segment, parameters) for segment in self.control_points])
