@@ -1,0 +1,100 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from mdtopo.cli.exits import Exit
+
+
+@pytest.fixture
+def results(cli: Callable, npz: Callable, tmp_path: Path) -> Path:
+    """A strand that trembles, with one damaged frame, 9: the steps 8 and 9 are not certified."""
+    x = np.arange(8)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    x = x + np.random.default_rng(7).normal(0.0, 0.01, (12, 8, 3))
+    x[9, 0, 0] = np.nan
+    out = tmp_path / "run.h5"
+    assert cli("monitor", npz(positions=x), "-o", out, "-q").code == Exit.DONE
+    return out
+
+
+def export(cli: Callable, results: Path, name: str, *words: object) -> object:
+    form = name.rpartition(".")[2]
+    return cli("export", results, "-o", results.with_name(name), "--format", form, *words)
+
+
+def test_frames_become_time_steps(cli: Callable, results: Path) -> None:
+    outcome = export(cli, results, "a.vtkhdf", "--what", "polyline", "--frames", ":8:2")
+    assert (outcome.code, outcome.err) == (Exit.DONE, "")
+    stored = np.load(results.with_name("tiny.npz"))["positions"]
+    with h5py.File(results) as run, h5py.File(results.with_name("a.vtkhdf")) as file:
+        np.testing.assert_array_equal(file["VTKHDF/Points"][()], stored[:8:2].reshape(-1, 3))
+        clearance = file["VTKHDF/PointData/clearance"][()].reshape(4, 8)[:, 0]
+        assert clearance.tolist() == run["steps/clearance"][:8:2].tolist()
+
+
+def test_an_event_is_the_frames_of_its_alerts(cli: Callable, results: Path) -> None:
+    assert export(cli, results, "a.xyz", "--what", "event", "--step", 3).code == Exit.DONE
+    text = results.with_name("a.xyz").read_text().splitlines()
+    assert [line.split(",")[0] for line in text[1::10]] == ["frame 3", "frame 4"]
+    outcome = export(cli, results, "b.xyz", "--what", "event", "--step", 8)
+    assert outcome.code == Exit.BAD_INPUT
+    assert "Frame 9 cannot be exported: 1 vertex has a coordinate that is not finite" in outcome.err
+    assert not list(results.parent.glob("*b.xyz*"))  # no half a file
+
+
+def test_moments_of_a_certified_step(cli: Callable, results: Path) -> None:
+    words = ["--what", "event", "--step", 3, "--between", 2]
+    assert export(cli, results, "a.pdb", *words).out.endswith("a.pdb: 4 times\n")
+    text = results.with_name("a.pdb").read_text()
+    assert "certified motion." in text
+    assert "NOT PROVED" not in text
+    assert export(cli, results, "a.pdb", *words).code == Exit.BAD_INPUT  # it exists
+    assert export(cli, results, "a.pdb", *words, "--overwrite").code == Exit.DONE
+
+
+def test_moments_of_a_step_that_is_not_certified_are_refused_or_marked(
+    cli: Callable, npz: Callable, tmp_path: Path
+) -> None:
+    bars = np.array([[-1.0, 0, 0], [1, 0, 0], [0, -1, 2.0], [0, 1, 2.0]])
+    frames = np.stack([bars, bars * [1, 1, -1]])
+    source = npz(positions=frames, offsets=np.array([0, 2, 4]), closed=np.zeros(2, bool), time=np.arange(2.0))
+    run = tmp_path / "run.h5"
+    assert cli("monitor", source, "-o", run, "-q", "--motion", "lab").code == Exit.DONE
+    words = ["--what", "event", "--step", 0, "--between", 1]
+    for name in ("a.pdb", "a.xyz", "a.vtkhdf"):
+        outcome = export(cli, run, name, *words)
+        assert (outcome.code, outcome.out) == (Exit.BAD_INPUT, "")
+        assert "Step 0 is CROSSING" in outcome.err
+        assert not (tmp_path / name).exists()
+        assert export(cli, run, name, *words, "--allow-unproved").code == Exit.DONE
+    assert "NOT PROVED" in (tmp_path / "a.pdb").read_text()
+    assert (tmp_path / "a.xyz").read_text().count("NOT PROVED") == 3
+    with h5py.File(tmp_path / "a.vtkhdf") as file:
+        assert not file["VTKHDF/PointData/proved"][()].any()
+        assert "NOT PROVED" in file.attrs["mdtopo"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--what", "event"],
+        ["--what", "polyline", "--step", "1"],
+        ["--what", "polyline", "--between", "1"],
+        ["--what", "event", "--step", "1", "--frames", ":3"],
+        ["--what", "curve"],
+        ["--what", "polyline", "--frames", "::-1"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_words_exit_with_2(cli: Callable, results: Path, words: list[str]) -> None:
+    assert export(cli, results, "a.xyz", *words).code == Exit.USAGE
+
+
+def test_wrong_input_exits_with_4_and_one_sentence(cli: Callable, results: Path) -> None:
+    for words in (["--what", "event", "--step", 11], ["--what", "polyline", "--frames", "90:"]):
+        outcome = export(cli, results, "a.xyz", *words)
+        assert (outcome.code, len(outcome.err.splitlines())) == (Exit.BAD_INPUT, 1)
+    outcome = cli("export", results, "-o", results, "--what", "polyline", "--format", "xyz", "--overwrite")
+    assert (outcome.code, "is read here" in outcome.err) == (Exit.BAD_INPUT, True)
