@@ -6,6 +6,7 @@ from mdtopo.errors import InputError
 from mdtopo.measure import measure_block
 from mdtopo.planning import Setting, reference_samples
 from mdtopo.records import Frame, FrameBlock, MonitorConfig, ReferenceLengths, StepReport, Strands
+from mdtopo.records.frames import has_volume
 from mdtopo.typing import Cell, Points
 
 
@@ -119,6 +120,6 @@ def checked_cell(cell: Cell, name: str) -> Cell:
         If it is not a finite (3, 3) array with a volume.
     """
     array = np.ascontiguousarray(cell, dtype=np.float64)
-    if array.shape != (3, 3) or not np.isfinite(array).all() or np.linalg.det(array) == 0.0:
+    if array.shape != (3, 3) or not has_volume(array):
         raise InputError(f"{name} must be a (3, 3) array of lattice vectors as rows, with a volume; got {cell!r}.")
     return array

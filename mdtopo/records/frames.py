@@ -10,6 +10,29 @@ LARGEST_COORDINATE = 1e12
 """Å. A coordinate beyond a hundred metres is garbage; the bounds of the kernels count on squares of squares that do not
 overflow."""
 
+SHORTEST_VECTOR = 1e-6
+"""Å. A shorter lattice vector is garbage too; reducing a cell divides by its fourth power, which is far from 0."""
+
+LEAST_VOLUME = 1e-12
+"""Of the product of the three lengths. Flatter vectors may become dependent, or zero, by rounding when a cell is
+reduced; a cell that is skewed by ten thousand others is still some thousand times above."""
+
+
+def has_volume(cell: Cell) -> bool:
+    """Return whether images can be counted in a cell: finite vectors that are not nearly zero, or nearly in one plane.
+
+    Parameters
+    ----------
+    cell : ndarray, shape (3, 3)
+        Lattice vectors as rows, Å.
+    """
+    if not (np.abs(cell) <= LARGEST_COORDINATE).all():  # also where it is NaN
+        return False
+    lengths = np.linalg.norm(cell, axis=1)
+    if lengths.min() < SHORTEST_VECTOR:
+        return False
+    return bool(abs(np.linalg.det(cell / lengths[:, np.newaxis])) > LEAST_VOLUME)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
@@ -42,7 +65,7 @@ class Frame:
             return f"{count} a coordinate that is not finite or beyond 1e12 Å (the first is vertex {bad[0]}: {value})"
         if self.cell is None:
             return ""
-        if not (np.abs(self.cell) <= LARGEST_COORDINATE).all() or not abs(np.linalg.det(self.cell)) > 0.0:
+        if not has_volume(self.cell):
             return f"its periodic box has no volume, or is not finite: {self.cell.tolist()}"
         return ""
 

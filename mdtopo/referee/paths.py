@@ -102,9 +102,20 @@ def frame_fault(frame: Frame, *, periodic: bool) -> str:
         return f"frame {frame.index} has coordinates that are no numbers or too large"
     if (frame.cell is not None) != periodic:
         return f"frame {frame.index} {'has no' if periodic else 'has a'} periodic box, unlike the first frame"
-    if frame.cell is not None and not ((np.abs(frame.cell) <= LARGEST).all() and np.linalg.det(frame.cell) != 0.0):
+    if frame.cell is not None and not _spans_space(frame.cell):
         return f"the periodic box of frame {frame.index} has no volume"
     return ""
+
+
+def _spans_space(cell: Cell) -> bool:
+    """Return whether a cell is finite, none of its vectors below 1e-6 Å, and they are not nearly in one plane."""
+    if not (np.abs(cell) <= LARGEST).all():
+        return False
+    a, b, c = cell
+    sizes = [float(np.sqrt(v @ v)) for v in cell]
+    if min(sizes) < 1e-6:
+        return False
+    return bool(abs(np.cross(a / sizes[0], b / sizes[1]) @ (c / sizes[2])) > 1e-12)
 
 
 def linear_path(frame0: Frame, frame1: Frame, pieces: list[Piece], *, rigid: bool) -> LinearPath | str:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mdtopo.geometry.lattice import basis_of, reduced_basis
+from mdtopo.records.frames import has_volume
 from mdtopo.strands.atoms import OTHER, AtomTable, counted
 from mdtopo.typing import Cell, Indices, Lengths, Points
 
@@ -36,7 +37,7 @@ def nearest_steps(differences: Points, cell: Cell | None) -> Lengths:
     cell : ndarray, shape (3, 3), or None
         None, or a cell that is singular or not finite, means not periodic.
     """
-    if cell is None or not np.isfinite(cell).all() or np.linalg.det(cell) == 0.0 or not len(differences):
+    if cell is None or not has_volume(cell) or not len(differences):
         return np.asarray(np.linalg.norm(differences, axis=1), dtype=np.float64)
     basis = np.array(reduced_basis(basis_of(np.ascontiguousarray(cell, dtype=np.float64))))
     near = differences - np.round(differences @ np.linalg.inv(basis)) @ basis

@@ -16,6 +16,7 @@ from oracles.lattice import shifts_within
 
 from mdtopo import InputError, nu, polyline_step
 from mdtopo.records import Grade, MonitorConfig, PairClass, Reason, Rung, Scope, StepReport, Strands, Verdict
+from mdtopo.records.frames import has_volume
 
 Points = NDArray[np.float64]
 Generator = np.random.Generator
@@ -153,6 +154,32 @@ def test_input_that_does_not_fit_is_refused() -> None:
         polyline_step(x, x, strands, cell_t0=np.eye(3))
     with pytest.raises(InputError, match="cell_t1 must be a"):
         polyline_step(x, x, strands, cell_t0=np.eye(3), cell_t1=np.ones((3, 3)))
+
+
+FLAT = np.array([[10.0, 0, 0], [0, 10, 0], [10, 10, 0]])
+
+
+@pytest.mark.parametrize("unit", [1e-100, 1e-7, 1e-14, 1e200, np.nan])
+@pytest.mark.parametrize("axes", [slice(0, 3), slice(2, 3)])
+def test_a_cell_whose_images_cannot_be_counted_is_refused(unit: float, axes: slice) -> None:
+    cell = 10.0 * np.eye(3)
+    cell[axes] *= unit / 10.0
+    strands, x = Strands.from_lengths([3]), np.arange(9.0).reshape(3, 3)
+    with pytest.raises(InputError, match="cell_t0 must be a"):
+        polyline_step(x, x, strands, cell_t0=cell, cell_t1=10.0 * np.eye(3))
+    with pytest.raises(InputError, match="cell_t1 must be a"):
+        polyline_step(x, x, strands, cell_t0=10.0 * np.eye(3), cell_t1=cell)
+
+
+@pytest.mark.parametrize(("height", "is_one"), [(1e-10, True), (1e-12, False), (0.0, False)])
+def test_a_cell_that_is_nearly_flat_is_none(height: float, is_one: bool) -> None:
+    """Its relative volume is the height over 10·√2: 7e-12 is above the limit of 1e-12."""
+    assert has_volume(FLAT + height * np.eye(3)[[2]] * [[0], [0], [1]]) is is_one
+
+
+@pytest.mark.parametrize(("length", "is_one"), [(1.001e-6, True), (0.999e-6, False)])
+def test_the_shortest_vector_of_a_cell(length: float, is_one: bool) -> None:
+    assert has_volume(np.diag([10.0, 10.0, length])) is is_one
 
 
 # --- random systems against the slow formulas -------------------------------------------------------------------------

@@ -349,6 +349,8 @@ CUBE = 10.0 * np.eye(3)
         (frame(LINE, CUBE), frame(LINE), True, "has no periodic box"),
         (frame(LINE), frame(LINE, CUBE), False, "has a periodic box"),
         (frame(LINE, CUBE), frame(LINE, 0 * CUBE), True, "has no volume"),
+        (frame(LINE, CUBE), frame(LINE, 1e-100 * CUBE), True, "has no volume"),
+        (frame(LINE, CUBE), frame(LINE, CUBE[[0, 1, 1]] + 1e-12), True, "has no volume"),
         (frame(LINE, time=2.0), frame(LINE, time=2.0), False, "does not come after"),
         (frame(LINE, CUBE), frame(LINE, np.diag([10.0, 10.0, 200.0])), True, "changes too much"),
     ],
