@@ -33,10 +33,14 @@ if TYPE_CHECKING:
         Severity,
         StepReport,
         Strands,
+        Tube,
+        TubeLimit,
+        TubeTerm,
         Verdict,
     )
     from mdtopo.smooth import spline_curve
     from mdtopo.store import read_results
+    from mdtopo.tubes import tube
 
 __version__ = "0.1.0"
 
@@ -63,6 +67,9 @@ _HOMES = {
     "Severity": "records",
     "StepReport": "records",
     "Strands": "records",
+    "Tube": "records",
+    "TubeLimit": "records",
+    "TubeTerm": "records",
     "Verdict": "records",
     "approximate": "approximation",
     "d_star": "geometry.hull",
@@ -74,6 +81,7 @@ _HOMES = {
     "read_results": "store",
     "spline_curve": "smooth",
     "steps": "pipeline",
+    "tube": "tubes",
     "writhe": "geometry.linking",
 }
 
@@ -100,6 +108,9 @@ __all__ = [
     "Severity",
     "StepReport",
     "Strands",
+    "Tube",
+    "TubeLimit",
+    "TubeTerm",
     "Verdict",
     "__version__",
     "approximate",
@@ -112,6 +123,7 @@ __all__ = [
     "read_results",
     "spline_curve",
     "steps",
+    "tube",
     "writhe",
 ]
 

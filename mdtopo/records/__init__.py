@@ -27,6 +27,7 @@ from mdtopo.records.steps import (
 from mdtopo.records.strands import Gap, Strands, VertexLabels
 from mdtopo.records.summary import RunSummary, RunVerdict, StepCounts, StepState, run_verdict
 from mdtopo.records.traces import Traces
+from mdtopo.records.tube import Tube, TubeLimit, TubeTerm
 
 __all__ = [
     "Alert",
@@ -61,6 +62,9 @@ __all__ = [
     "Strands",
     "Stretches",
     "Traces",
+    "Tube",
+    "TubeLimit",
+    "TubeTerm",
     "Verdict",
     "VertexLabels",
     "run_verdict",
