@@ -125,7 +125,8 @@ def _least(
     closed: bool,
 ) -> TubeTerm:
     """Return the term of the least distance at which the conditions vanish, from the given starts."""
-    least, where = np.inf, ()
+    least = np.inf
+    where: tuple[float, ...] = ()
     for x in starts:
         for _ in range(STEPS):
             f, slope, distance = conditions(x)

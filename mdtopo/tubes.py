@@ -16,7 +16,7 @@ SMOOTH = 1e-9
 """Segments that follow each other smoothly have tangents within this angle: more than rounding, less than a corner."""
 
 FIRST_HORIZON = 4.0
-"""Pairs within so many mean segment lengths are looked at first; then twice as far, until nothing nearer can be missed."""
+"""Pairs within so many mean segment lengths are looked at first; then twice as far, until nothing can be missed."""
 
 
 def tube(curve: CompositeBezier | ParametricCurve, *, tolerance: float = TOLERANCE) -> Tube:
@@ -35,8 +35,8 @@ def tube(curve: CompositeBezier | ParametricCurve, *, tolerance: float = TOLERAN
     Guarantee
     ---------
     Proven for a `CompositeBezier`, rounding included: κ_max comes from the polynomials (Bernstein form), pairs from a
-    search that drops a pair of pieces only where no such pair of points can lie in it. Joints whose tangents turn by less
-    than 1e-9 are taken for smooth. Heuristic for a `ParametricCurve`: it is sampled.
+    search that drops a pair of pieces only where no such pair of points can lie in it. Joints whose tangents turn by
+    less than 1e-9 are taken for smooth, and the control points for exact. Heuristic for a `ParametricCurve`: it is sampled.
 
     Raises
     ------
@@ -68,8 +68,8 @@ def tube(curve: CompositeBezier | ParametricCurve, *, tolerance: float = TOLERAN
     bends = greatest_curvature(curve.control_points, tolerance)
     if not np.isfinite(bends.upper):
         raise InputError(
-            f"The curve has a cusp, or comes too near to one to tell, in segment {bends.segment} near u = {bends.u:.6g}: "
-            "its curvature has no bound there, and it has no tube."
+            f"The curve has a cusp, or comes too near to one to tell, in segment {bends.segment} near "
+            f"u = {bends.u:.6g}: its curvature has no bound there, and it has no tube."
         )
     least, found = _inverse(bends.upper), _inverse(bends.lower)
     terms = [TubeTerm(TubeLimit.CURVATURE, least, least, found, (bends.segment + bends.u,))]
@@ -108,8 +108,8 @@ def _check_smooth(curve: CompositeBezier) -> None:
         joint = int(np.flatnonzero(corner)[0])
         angle = np.degrees(np.arctan2(turned[joint], last[joint] @ first[joint]))
         raise InputError(
-            f"The curve has a corner of {angle:.4g}° where segment {before[joint]} meets segment {after[joint]}; only a "
-            "curve with a continuous tangent has a tube."
+            f"The curve has a corner of {angle:.4g}° where segment {before[joint]} meets segment {after[joint]}; only "
+            "a curve with a continuous tangent has a tube."
         )
 
 

@@ -49,8 +49,8 @@ def greatest_curvature(control_points: FloatArray, tolerance: float) -> Curvatur
 
     Guarantee
     ---------
-    Proven, rounding included: no point of a segment has a curvature above `upper`, which is infinite where a segment has
-    a cusp, or nearly. `lower` is the curvature at a point, right to rounding.
+    Proven, rounding included: no point of a segment has a curvature above `upper`, which is infinite where a
+    segment has a cusp, or nearly. `lower` is the curvature at a point, right to rounding.
     """
     n = control_points.shape[1] - 1
     if n < 2:
@@ -67,7 +67,9 @@ def greatest_curvature(control_points: FloatArray, tolerance: float) -> Curvatur
     lower, at, upper = 0.0, (0, 0.0), 0.0
     for depth in range(DEEPEST + 1):
         rounding = depth * 2 * n * UNIT_ROUNDOFF
-        bounds = _piece_bounds(velocity, area, speed_error + rounding * speeds[segment], area_error + rounding * areas[segment])
+        bounds = _piece_bounds(
+            velocity, area, speed_error + rounding * speeds[segment], area_error + rounding * areas[segment]
+        )
         found = _middle_curvature(velocity, area)
         best = int(found.argmax())
         if found[best] > lower:
@@ -85,7 +87,9 @@ def greatest_curvature(control_points: FloatArray, tolerance: float) -> Curvatur
     return Curvature(lower, max(upper, lower), *at)
 
 
-def _piece_bounds(velocity: FloatArray, area: FloatArray, speed_error: FloatArray, area_error: FloatArray) -> FloatArray:
+def _piece_bounds(
+    velocity: FloatArray, area: FloatArray, speed_error: FloatArray, area_error: FloatArray
+) -> FloatArray:
     """Return an upper bound of the curvature of each piece; infinite where |c'| is not bounded away from 0."""
     n = velocity.shape[1]  # the curve's degree
     greatest_speed, greatest_area = np.linalg.norm(velocity, axis=2).max(1), np.linalg.norm(area, axis=2).max(1)

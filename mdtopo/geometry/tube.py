@@ -1,9 +1,9 @@
 """How close a curve comes to itself: doubly normal pairs of Bezier segments, by branch and bound.
 
 A tube of radius r about a curve is embedded while r ≤ 1/κ_max and 2r is at most the least distance of two points whose
-joining line is normal to the curve at both (or at the one that is not an end of the curve). Boxes are pairs of pieces of
-segments. A box is dropped where no such pair can lie in it, and split otherwise, nearest first: so the distance bound of
-the box at hand bounds all that is left.
+joining line is normal to the curve at both (or at the one that is not an end of the curve). Boxes are pairs of pieces
+of segments. A box is dropped where no such pair can lie in it, and split otherwise, nearest first: so the distance
+bound of the box at hand bounds all that is left.
 """
 
 import heapq
@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 SELF, STRANDS, ENDS = 0, 1, 2
-"""What a search looks for: doubly normal pairs of one strand; the nearest points of two strands; ends and their strand."""
+"""What is searched: doubly normal pairs of one strand; nearest points of two strands; ends and their own strand."""
 
 DEEPEST = 40
 """Halvings of a segment: beyond, its parameter has no digits left."""
@@ -168,7 +168,7 @@ def search(
     horizon: float,
     tolerance: float,
 ) -> tuple[float, float, float, float, bool]:
-    """Return bounds of the least critical distance, the pair that was found, and whether the bounds are as close as asked.
+    """Return bounds of the least critical distance, the pair that was found, and whether the bounds are close enough.
 
     Parameters
     ----------
