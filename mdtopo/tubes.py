@@ -36,7 +36,8 @@ def tube(curve: CompositeBezier | ParametricCurve, *, tolerance: float = TOLERAN
     ---------
     Proven for a `CompositeBezier`, rounding included: κ_max comes from the polynomials (Bernstein form), pairs from a
     search that drops a pair of pieces only where no such pair of points can lie in it. Joints whose tangents turn by
-    less than 1e-9 are taken for smooth, and the control points for exact. Heuristic for a `ParametricCurve`: it is sampled.
+    less than 1e-9 are taken for smooth, and the control points for exact. Heuristic for a
+    `ParametricCurve`: it is sampled.
 
     Raises
     ------
