@@ -17,6 +17,7 @@ from MDAnalysis.analysis.results import Results, ResultsGroup
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
 from mdtopo.measure import measure_block
+from mdtopo.notebook import plot_steps, steps_dataframe
 from mdtopo.pipeline import Tally, block_of, refuse_winding, with_coordinate_error
 from mdtopo.planning import Setting, reference_samples
 from mdtopo.readers import ReaderRequest, Source
@@ -43,6 +44,25 @@ class FrameGroup:
     setting: Setting
 
 
+class IsotopyResults(Results):  # type: ignore[misc] # MDAnalysis has no py.typed
+    """What `IsotopyAnalysis` leaves behind, with the habits of a notebook."""
+
+    def _columns(self) -> dict[str, Any]:
+        return {column.name: self[column.name] for column in StepTable.columns()}
+
+    def plot(self, ax: Any = None) -> Any:
+        """Return matplotlib axes with clearance, ratio, limit and alerts; see `mdtopo.notebook.plot_steps`."""
+        return plot_steps(self._columns(), 0, self["config"], self["alerts"], ax)
+
+    def to_dataframe(self) -> Any:
+        """Return the step columns as a pandas DataFrame; see `mdtopo.notebook.steps_dataframe`."""
+        return steps_dataframe(self._columns(), 0)
+
+    def _repr_html_(self) -> str:
+        html: str = self["summary"]._repr_html_()
+        return html
+
+
 class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no py.typed
     """Measures every step between consecutive analysed frames of an AtomGroup or Universe.
 
@@ -61,7 +81,8 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
     ----------
     results : MDAnalysis Results
         After `run`: every column of `mdtopo.records.StepTable` by its name (``results.clearance``, ``results.verdict``,
-        …), ``steps`` (the whole `StepTable`), ``alerts`` (a list of `Alert`), ``summary`` (a `RunSummary`).
+        …), ``steps`` (the whole `StepTable`), ``alerts`` (a list of `Alert`), ``summary`` (a `RunSummary`), ``config``
+        (the `MonitorConfig`); it has ``plot()`` and ``to_dataframe()``.
 
     Raises
     ------
@@ -144,7 +165,8 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         alerts = [*stream.opening(), *stream.after(steps), *stream.finish()]
         tally.add(steps)
         tally.alerts.update(alert.severity for alert in alerts)
-        self.results.steps, self.results.alerts = steps, alerts
+        self.results: Any = IsotopyResults(**self.results)
+        self.results.steps, self.results.alerts, self.results.config = steps, alerts, self._config
         self.results.summary = tally.summary(None, "")
         for column in StepTable.columns():
             self.results[column.name] = getattr(steps, column.name)

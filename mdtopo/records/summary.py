@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from enum import IntEnum, StrEnum
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,15 @@ class RunSummary:
     def n_steps(self) -> int:
         """Number of steps."""
         return self.counts.steps
+
+    def _repr_html_(self) -> str:
+        """Return the summary as a table for a notebook; texts are escaped."""
+        rows: dict[str, object] = {"verdict": self.verdict.value, "steps": self.n_steps, **asdict(self.counts)}
+        rows |= {f"{grade.name.lower()} crossings": count for grade, count in self.crossings.items() if count}
+        rows |= {"broken edges": self.n_fractures, "least clearance (Å)": f"{self.clearance:.4g}"}
+        rows |= {"results": self.results or "not stored", **({"stopped": self.stopped} if self.stopped else {})}
+        cells = (f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in rows.items())
+        return f"<table><caption>mdtopo run</caption>{''.join(cells)}</table>"
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the numbers as plain values, ready for JSON; NaN and infinity become None."""

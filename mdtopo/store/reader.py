@@ -6,19 +6,21 @@ import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import InputError, MissingFileError
+from mdtopo.notebook import html_table, plot_steps, steps_dataframe
 from mdtopo.records import (
     Alert,
     AlertKind,
     BrokenEdge,
     Crossings,
     Gap,
+    MonitorConfig,
     ReferenceLengths,
     Severity,
     Strands,
@@ -26,6 +28,9 @@ from mdtopo.records import (
 )
 from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, SCHEMA, TEXT
 from mdtopo.typing import JsonObject
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -72,6 +77,31 @@ class Results:
     strands: Strands
     reference: ReferenceLengths | None
     broken: tuple[BrokenEdge, ...]
+
+    def plot(self, ax: Any = None) -> "Axes":
+        """Return matplotlib axes with clearance, ratio, limit and alerts over time; see `plot_steps`."""
+        return plot_steps(self.steps, self.first_step, MonitorConfig.from_mapping(self.config), self.alerts, ax)
+
+    def to_dataframe(self) -> Any:
+        """Return the step columns as a pandas DataFrame; see `steps_dataframe`."""
+        return steps_dataframe(self.steps, self.first_step)
+
+    def _repr_html_(self) -> str:
+        """Return a table for a notebook."""
+        state = "complete" if self.complete else "not complete"
+        strands, n_steps = self.strands, len(next(iter(self.steps.values()), ()))
+        rows: list[tuple[str, object]] = [
+            ("verdict", self.summary.get("verdict", "none yet")),
+            ("run", state),
+            ("steps", n_steps),
+            (
+                "strands",
+                f"{strands.n_strands} ({', '.join(strands.names[:5])}{', …' if strands.n_strands > 5 else ''})",
+            ),
+            ("crossings", len(self.crossings)),
+            ("alerts", len(self.alerts)),
+        ]
+        return html_table("mdtopo results", rows)
 
 
 def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | None = None) -> Results:

@@ -1,0 +1,114 @@
+"""Step columns in a notebook: a plot of clearance and ratio, a data frame, and an HTML table of a run."""
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.errors import MissingDependencyError
+from mdtopo.records import Alert, AlertKind, MonitorConfig, Severity, StepTable
+from mdtopo.states import CRITERION_COLUMN
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Columns = Mapping[str, NDArray[Any]]
+
+BLUE, ORANGE = "#0072B2", "#D55E00"
+"""Of the Okabe-Ito set, which the colour-blind can tell apart."""
+
+WIDE = 5.0
+"""A ratio beyond this would press the limit, 1, to the foot of a linear axis."""
+
+MARKERS = {Severity.WARNING: ("v", "#E69F00"), Severity.CRITICAL: ("X", "#000000")}
+
+
+def plot_steps(
+    columns: Columns, first_step: int, config: MonitorConfig, alerts: Iterable[Alert], ax: Any = None
+) -> "Axes":
+    """Return matplotlib axes with the clearance of each step, its ratio on a second axis, and where alerts are worst.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray
+        Step columns.
+    first_step : int
+        The step of row 0.
+    config : MonitorConfig
+        Says which ratio is shown (2m/ν for the criterion nu, else the pair ratio), and the limits.
+    alerts : iterable of Alert
+        Warnings and critical ones are marked at the foot, at their worst step.
+    ax : matplotlib Axes, optional
+        Where to draw; by default new ones.
+    """
+    from matplotlib import pyplot
+
+    axes: Any = pyplot.subplots(figsize=(8.0, 3.6), layout="constrained")[1] if ax is None else ax
+    times = columns["time_t0"]
+    in_time = bool(np.isfinite(times).all())
+    x = times if in_time else first_step + np.arange(len(times))
+    name = "nu_ratio" if config.criterion == "nu" else "pair_ratio"
+    ratio_axes = axes.twinx()
+    axes.plot(x, columns["clearance"], color=BLUE, linewidth=1.0, label="clearance")
+    ratio_axes.plot(x, columns[name], color=ORANGE, linewidth=1.0, linestyle="--", label=name.replace("_", " "))
+    limited = axes if CRITERION_COLUMN[config.criterion] == "clearance" else ratio_axes
+    limited.axhline(config.near_limit, color="gray", linewidth=0.8, linestyle=":", label="near-limit threshold")
+    _mark_alerts(axes, x, first_step, alerts)
+    axes.set(xlabel="time (ps)" if in_time else "step", ylabel="clearance (Å)")
+    ratio_axes.set_ylabel(f"{name.replace('_', ' ')} (1 is the limit)")
+    axes.set_ylim(bottom=0.0)
+    if np.nanmax(columns[name], initial=0.0) > WIDE:
+        ratio_axes.set_yscale("log")
+    else:
+        ratio_axes.set_ylim(bottom=0.0)
+    shown = [pair for part in (axes, ratio_axes) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
+    axes.legend(*zip(*shown, strict=True), loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, fontsize="small")
+    found: Axes = axes
+    return found
+
+
+def _mark_alerts(axes: Any, x: NDArray[Any], first_step: int, alerts: Iterable[Alert]) -> None:
+    listed = [alert for alert in alerts if alert.kind is not AlertKind.GAP]
+    for severity, (marker, color) in MARKERS.items():
+        rows = np.array([a.step_peak - first_step for a in listed if a.severity is severity], dtype=np.int64)
+        rows = rows[(rows >= 0) & (rows < len(x))]
+        if len(rows):
+            places = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 3}
+            label = f"{severity.name.lower()} alerts"
+            axes.plot(x[rows], np.full(len(rows), 0.03), marker, color=color, markersize=5, label=label, **places)
+
+
+def steps_dataframe(columns: Columns, first_step: int) -> Any:
+    """Return a pandas DataFrame with a row for each step (the index), enums as categories of names.
+
+    Columns of several numbers for each step are split: ``nu_pair`` becomes ``nu_pair_0_0`` … ``nu_pair_1_1``.
+
+    Raises
+    ------
+    MissingDependencyError
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError as error:
+        raise MissingDependencyError(
+            'A data frame needs pandas, which is not installed; pip install "mdtopo[notebook]".'
+        ) from error
+    enums = {column.name: column.enum for column in StepTable.columns()}
+    flat: dict[str, Any] = {}
+    for name, values in columns.items():
+        enum = enums.get(name)
+        for index in np.ndindex(values.shape[1:]):
+            part = values[(slice(None), *index)]
+            title = "_".join([name, *map(str, index)])
+            flat[title] = part if enum is None else pandas.Categorical([enum(int(code)).name for code in part])
+    count = len(next(iter(columns.values()), ()))
+    return pandas.DataFrame(flat, index=pandas.RangeIndex(first_step, first_step + count, name="step"))
+
+
+def html_table(title: str, rows: Iterable[tuple[str, object]]) -> str:
+    """Return a small HTML table; every text is escaped, because names come from files."""
+    body = "".join(f"<tr><th>{escape(str(name))}</th><td>{escape(str(value))}</td></tr>" for name, value in rows)
+    return f"<table><caption>{escape(title)}</caption>{body}</table>"

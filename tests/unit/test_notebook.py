@@ -1,0 +1,84 @@
+"""Notebook habits: every text escaped, every number plotted, pandas optional."""
+
+import sys
+from dataclasses import replace
+
+import matplotlib
+import numpy as np
+import pytest
+
+import mdtopo
+from mdtopo.errors import MissingDependencyError
+from mdtopo.records import MonitorConfig, Strands
+from mdtopo.store import Results, read_results
+
+HOSTILE = "<script>alert(1)</script>"
+
+
+@pytest.fixture(autouse=True)
+def _headless(monkeypatch: pytest.MonkeyPatch) -> None:
+    matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[mdtopo.RunSummary, Results]:
+    bars = np.array([[-1.0, 0, 0], [1, 0, 0], [0, -1, 2.0], [0, 1, 2.0]])
+    frames = np.stack([bars, bars * [1, 1, 0.3], bars * [1, 1, -1], bars * [1, 1, -1]])
+    strands, path = Strands.from_lengths([2, 2], names=[HOSTILE, "b"]), tmp_path_factory.mktemp("note") / "run.h5"
+    summary = mdtopo.monitor(frames, strands=strands, out=path, config=MonitorConfig(motion="lab"))
+    return summary, read_results(path)
+
+
+def test_names_of_files_show_as_text(run: tuple[mdtopo.RunSummary, Results]) -> None:
+    summary, results = run
+    assert "<script>" not in results._repr_html_()
+    assert "&lt;script&gt;" in results._repr_html_()
+    assert "<b>" not in replace(summary, stopped="<b>gone</b>")._repr_html_()
+    for name, count in (("crossed", 1), ("undersampled crossings", 1), ("steps", 3)):
+        assert f"<th>{name}</th><td>{count}</td>" in summary._repr_html_()
+
+
+def test_the_plot_holds_every_step_the_limit_and_the_alerts(run: tuple[mdtopo.RunSummary, Results]) -> None:
+    from matplotlib import pyplot
+
+    results = run[1]
+    ax = results.plot()
+    lines = {line.get_label(): line for axes in ax.figure.axes for line in axes.lines}
+    np.testing.assert_array_equal(lines["clearance"].get_ydata(), results.steps["clearance"])
+    np.testing.assert_array_equal(lines["pair ratio"].get_ydata(), results.steps["pair_ratio"])
+    assert list(lines["near-limit threshold"].get_ydata()) == [0.8, 0.8]
+    peaks = [alert.step_peak for alert in results.alerts if alert.severity.name == "WARNING"]
+    assert sorted(lines["warning alerts"].get_xdata()) == sorted(peaks)
+    own = pyplot.figure().add_subplot()
+    assert results.plot(own) is own
+    pyplot.close("all")
+
+
+def test_without_pandas_one_sentence_says_what_to_install(
+    run: tuple[mdtopo.RunSummary, Results], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(MissingDependencyError, match="needs pandas"):
+        run[1].to_dataframe()
+
+
+def test_a_data_frame_has_a_row_for_each_step(run: tuple[mdtopo.RunSummary, Results]) -> None:
+    pytest.importorskip("pandas", reason="pandas is not installed: data frames are optional")
+    frame = run[1].to_dataframe()
+    assert list(frame.index) == [0, 1, 2]
+    assert frame["verdict"].tolist() == ["CERTIFIED", "CROSSING", "CERTIFIED"]
+    assert frame["nu_pair_1_0"].tolist() == run[1].steps["nu_pair"][:, 1, 0].tolist()
+
+
+def test_the_results_of_an_analysis_have_the_same_habits() -> None:
+    import MDAnalysis
+    from matplotlib import pyplot
+
+    universe = MDAnalysis.Universe.empty(5, trajectory=True)
+    line = np.arange(5.0)[:, np.newaxis] * np.array([1.5, 0.0, 0.0])
+    universe.load_new(line + np.random.default_rng(2).normal(scale=0.01, size=(4, 5, 3)))
+    results = mdtopo.IsotopyAnalysis(universe.atoms).run().results
+    (line,) = (line for line in results.plot().lines if line.get_label() == "clearance")
+    np.testing.assert_array_equal(line.get_ydata(), results.clearance)
+    assert results._repr_html_() == results.summary._repr_html_()
+    pyplot.close("all")
