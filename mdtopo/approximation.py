@@ -1,10 +1,12 @@
-"""A polyline for a smooth curve: as many vertices as the curvature asks for, and the error checked afterwards."""
+"""A polyline for a smooth curve: as many vertices as the curvature asks for, with the error checked afterwards."""
 
-from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mdtopo.arcs import Arc, BezierArc, SampledArc
 from mdtopo.errors import InputError
 from mdtopo.geometry.approximate import (
     MOST_VERTICES,
@@ -14,14 +16,9 @@ from mdtopo.geometry.approximate import (
     expected_chords,
     place_vertices,
 )
-from mdtopo.records import Approximation, ParametricCurve
-from mdtopo.typing import Lengths, Points
-
-FIRST_PANELS = 16
-"""Panels to begin with; they are halved where |c''| needs it."""
-
-CHORD_PARTS = 8
-"""Parts of a chord at whose ends the distance of the curve is measured."""
+from mdtopo.records import Approximation, CompositeBezier, Isotopy, ParametricCurve
+from mdtopo.tubes import tube
+from mdtopo.typing import Flags, Lengths
 
 EPSILON_PER_TOLERANCE = 4.0
 """The distance of a short chord from its curve tends to a quarter of ε."""
@@ -36,8 +33,17 @@ ROUNDING = 1e-12
 """The same for the rounding of the points, as a multiple of the greatest coordinate."""
 
 
+class _Chords(NamedTuple):
+    """The chords of one strand: ends, distance from the curve (found or proven, and by |c''|), and their direction."""
+
+    parameters: NDArray[np.float64]
+    errors: Lengths
+    bounds: Lengths
+    along: Flags
+
+
 def approximate(
-    curve: ParametricCurve, tolerance: float | None = None, *, epsilon: float | None = None
+    curve: CompositeBezier | ParametricCurve, tolerance: float | None = None, *, epsilon: float | None = None
 ) -> Approximation:
     """Return a polyline on a curve, with vertices where its second derivative asks for them.
 
@@ -46,18 +52,20 @@ def approximate(
 
     Parameters
     ----------
-    curve : ParametricCurve
-        Any C² curve on [0, 1].
+    curve : CompositeBezier or ParametricCurve
+        Smooth strands of Bezier segments, or any C² curve on [0, 1]. Where segments meet in a corner, a vertex is set.
     tolerance : float, optional
-        How far the curve may be from its chords, Å. Then ε is four times that, the distance is measured afterwards, and
+        How far the curve may be from its chords, Å. Then ε is four times that, the distance is checked afterwards, and
         chords beyond it are halved.
     epsilon : float, optional
         ε itself, Å; the vertices are then those of the rule and no others. Give one of the two.
 
     Guarantee
     ---------
-    Heuristic: the curve is known at sampled places only. `chord_bound` follows from |c''| between them, `chord_error`
-    is measured.
+    For a `CompositeBezier`, proven: `chord_error` bounds the distance of curve and polyline, and `isotopy` is `TUBE`
+    only where the polyline is ambient isotopic to the curve. Heuristic for a `ParametricCurve`, which is known at
+    sampled places only: `chord_bound` follows from |c''| there, `chord_error` is measured, `isotopy` is at best
+    `TUBE_SAMPLED`.
 
     Raises
     ------
@@ -80,17 +88,24 @@ def approximate(
     ([0.0, 0.25, 0.5, 0.75, 1.0], 0.0152)
     """
     limit, step = _limits(tolerance, epsilon)
-    panels = bend_panels(_bend_lengths(curve), np.linspace(0.0, 1.0, FIRST_PANELS + 1))
-    parameters = np.empty(0)
-    if expected_chords(panels, step) < MOST_VERTICES:
-        parameters = place_vertices(panels.edges, panels.coefficients, step)
-    if len(parameters) == 0:
-        raise InputError(
-            f"ε = {step:g} Å would need more than {MOST_VERTICES:,} vertices, or steps below the digits of the "
-            "parameter; ask for less."
-        )
-    parameters, errors, bounds = _within(curve, panels, parameters, limit, step)
-    return Approximation(parameters, curve.points(parameters), step, float(errors.max()), float(bounds.max()))
+    arcs: list[Arc]
+    if isinstance(curve, CompositeBezier):
+        arcs = [BezierArc.of(curve, strand) for strand in range(len(curve.closed))]
+    else:
+        arcs = [SampledArc(curve)]
+    chords = [_within(arc, limit, step) for arc in arcs]
+    errors = np.concatenate([one.errors for one in chords])
+    isotopy, reason = _isotopy(curve, float(errors.max()), np.concatenate([one.along for one in chords]))
+    return Approximation(
+        parameters=np.concatenate([one.parameters / arc.edges[-1] for one, arc in zip(chords, arcs, strict=True)]),
+        points=np.concatenate([arc.points(one.parameters) for one, arc in zip(chords, arcs, strict=True)]),
+        offsets=np.cumsum([0, *(len(one.parameters) for one in chords)]).astype(np.int64),
+        epsilon=step,
+        chord_error=float(errors.max()),
+        chord_bound=max(float(one.bounds.max()) for one in chords),
+        isotopy=isotopy,
+        reason=reason,
+    )
 
 
 def _limits(tolerance: float | None, epsilon: float | None) -> tuple[float, float]:
@@ -103,50 +118,45 @@ def _limits(tolerance: float | None, epsilon: float | None) -> tuple[float, floa
     return (value, EPSILON_PER_TOLERANCE * value) if epsilon is None else (np.inf, value)
 
 
-def _bend_lengths(curve: ParametricCurve) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    def bend_lengths(t: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.array([np.linalg.norm(curve.bend(float(u))) for u in t])
+def _placed(arc: Arc, panels: Panels, epsilon: float) -> NDArray[np.float64]:
+    """Return the vertices by the rule, from corner to corner."""
+    ends = np.concatenate([arc.edges[:1], arc.corners, arc.edges[-1:]])
+    found = [ends[:1]]
+    for start, end in pairwise(ends):
+        first, last = np.searchsorted(panels.edges, [start, end])
+        few = expected_chords(panels, epsilon) < MOST_VERTICES
+        placed = (
+            place_vertices(panels.edges[first : last + 1], panels.coefficients[first:last], epsilon)
+            if few
+            else ends[:0]
+        )
+        if len(placed) == 0:
+            raise InputError(
+                f"ε = {epsilon:g} Å would need more than {MOST_VERTICES:,} vertices, or steps below the digits of the "
+                "parameter; ask for less."
+            )
+        found.append(placed[1:])
+    return np.concatenate(found)
 
-    return bend_lengths
 
-
-def _within(
-    curve: ParametricCurve, panels: Panels, parameters: NDArray[np.float64], limit: float, epsilon: float
-) -> tuple[NDArray[np.float64], Lengths, Lengths]:
-    """Return parameters, errors and bounds of chords, after those beyond the limit were halved."""
+def _within(arc: Arc, limit: float, epsilon: float) -> _Chords:
+    """Return the chords of the rule, with those halved that are beyond the limit."""
+    panels = bend_panels(arc.bend_lengths, arc.edges)
+    parameters = _placed(arc, panels, epsilon)
     for _ in range(MOST_ROUNDS):
-        errors = chord_errors(curve, parameters)
+        errors, along = arc.chords(parameters)
         bounds = chord_bounds(panels.edges, panels.coefficients, parameters)
-        slack = CONTRADICTION * (errors + epsilon) + ROUNDING * float(np.abs(curve.points(parameters)).max())
-        _check_agreement(parameters, errors, bounds, slack)
+        if isinstance(arc, SampledArc):
+            slack = CONTRADICTION * (errors + epsilon) + ROUNDING * float(np.abs(arc.points(parameters)).max())
+            _check_agreement(parameters, errors, bounds, slack)
         wide = errors > limit
         if not wide.any():
-            return parameters, errors, bounds
+            return _Chords(parameters, errors, bounds, along)
         middles = 0.5 * (parameters[:-1] + parameters[1:])[wide]
         parameters = np.sort(np.concatenate([parameters, middles]))
     raise InputError(
         f"No polyline was found within {limit:g} Å of the curve; the tolerance is below its rounding error."
     )
-
-
-def chord_errors(curve: ParametricCurve, parameters: NDArray[np.float64]) -> Lengths:
-    """Return how far the curve is from each of its chords where it was looked at, Å, shape (n - 1,)."""
-    a, b = curve.points(parameters[:-1]), curve.points(parameters[1:])
-    greatest = np.zeros(len(a))
-    for part in range(1, CHORD_PARTS):
-        share = part / CHORD_PARTS
-        there = curve.points((1.0 - share) * parameters[:-1] + share * parameters[1:])
-        greatest = np.maximum(greatest, _distances(there, a, b))
-    return greatest
-
-
-def _distances(p: Points, a: Points, b: Points) -> Lengths:
-    """Return the distance of each point from the straight piece (a, b), Å."""
-    along = b - a
-    squared = np.einsum("ij,ij->i", along, along)
-    where = np.einsum("ij,ij->i", p - a, along) / np.where(squared > 0.0, squared, 1.0)
-    apart: Lengths = np.linalg.norm(p - a - np.clip(where, 0.0, 1.0)[:, None] * along, axis=1)
-    return apart
 
 
 def _check_agreement(parameters: NDArray[np.float64], errors: Lengths, bounds: Lengths, slack: Lengths) -> None:
@@ -159,3 +169,33 @@ def _check_agreement(parameters: NDArray[np.float64], errors: Lengths, bounds: L
             f"{parameters[worst + 1]:.6g} the curve is {errors[worst]:.6g} Å from its chord, and c'' allows "
             f"{bounds[worst]:.6g} Å. Check the derivative (with respect to t in [0, 1]), or the curve is not C²."
         )
+
+
+def _isotopy(curve: CompositeBezier | ParametricCurve, error: float, along: Flags) -> tuple[Isotopy, str]:
+    """Return whether the polyline has the curve's type by the tube, and why.
+
+    A point of a chord is at most `error` from the nearest point of its arc, which is no end of it, because the arc's
+    end tangents make acute angles with the chord: so it lies in that point's normal disk. If error < r, these disks are
+    disjoint and fill the tube. Along the chord the disk moves forward only, because all tangents of the arc make acute
+    angles with the chord. So every disk meets the polyline in one point, which is moved to the centre within the disk.
+    """
+    if isinstance(curve, ParametricCurve) and curve.first_derivative is None:
+        return Isotopy.NOT_KNOWN, "the tube of a ParametricCurve needs its first derivative"
+    try:
+        radius = tube(curve).radius
+    except InputError as problem:
+        return Isotopy.NOT_KNOWN, f"the curve has no tube: {problem}"
+    if not error < radius:
+        return (
+            Isotopy.NOT_KNOWN,
+            f"the polyline is {error:.6g} Å from the curve, whose tube has the radius {radius:.6g} Å",
+        )
+    if not along.all():
+        return (
+            Isotopy.NOT_KNOWN,
+            f"{int((~along).sum())} chords are not seen to run along their arc; ask for shorter ones",
+        )
+    words = (
+        f"the polyline lies in the tube (within {error:.6g} Å of the curve, radius {radius:.6g} Å) and runs along it"
+    )
+    return (Isotopy.TUBE if isinstance(curve, CompositeBezier) else Isotopy.TUBE_SAMPLED), words

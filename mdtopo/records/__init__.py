@@ -5,7 +5,7 @@ which strand and is constant over a run; `MonitorConfig` holds every knob.
 """
 
 from mdtopo.records.alerts import Alert, AlertKind, Severity
-from mdtopo.records.approximation import Approximation
+from mdtopo.records.approximation import Approximation, Isotopy
 from mdtopo.records.beziers import CompositeBezier
 from mdtopo.records.config import Criterion, MonitorConfig, Motion
 from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
@@ -43,6 +43,7 @@ __all__ = [
     "FrameBlock",
     "Gap",
     "Grade",
+    "Isotopy",
     "MonitorConfig",
     "Motion",
     "PairClass",

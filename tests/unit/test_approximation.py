@@ -204,3 +204,90 @@ def test_a_bend_that_is_not_finite_between_the_probes() -> None:
     root = mdtopo.ParametricCurve(lambda t: (t, t), lambda t: (0, np.inf if 0.1 < t < 0.2 else 0))
     with pytest.raises(InputError, match=r"second_derivative\(0\.1\d*\) is \[0\.0, inf\]; the curve must be C²"):
         mdtopo.approximate(root, epsilon=0.1)
+
+
+def trefoil_spline(n: int) -> mdtopo.CompositeBezier:
+    points = np.array([trefoil(k / n) for k in range(n)])
+    return mdtopo.spline_curve(points, mdtopo.Strands.from_lengths([n], closed=True))
+
+
+def test_a_bezier_segment_has_the_vertices_of_its_function() -> None:
+    segment = mdtopo.CompositeBezier.from_control_points(P)
+    for epsilon in EPSILONS:
+        found, expected = mdtopo.approximate(segment, epsilon=epsilon), mdtopo.approximate(BEZIER, epsilon=epsilon)
+        np.testing.assert_allclose(found.parameters, expected.parameters, atol=1e-10)
+        assert expected.chord_error * (1 - 1e-9) <= found.chord_error <= expected.chord_error * 1.02
+    np.testing.assert_allclose(found.points, expected.points, atol=1e-9)
+
+
+def test_a_spline_tends_to_its_integral() -> None:
+    found = mdtopo.approximate(trefoil_spline(60), epsilon=1e-5)
+    assert found.n_chords * 1e-5**0.5 == pytest.approx(14.110527, rel=0.01)
+    assert found.isotopy is mdtopo.Isotopy.TUBE
+
+
+@pytest.mark.parametrize("tolerance", [0.3, 0.03, 1e-3])
+def test_a_tolerance_is_proven_for_splines(tolerance: float) -> None:
+    curve = trefoil_spline(24)
+    found = mdtopo.approximate(curve, tolerance)
+    assert found.chord_error <= tolerance
+    u = np.linspace(0, 1, 400, endpoint=False)
+    there = curve.points(u).reshape(-1, 3)
+    a, b = found.points[:-1, None], found.points[1:, None]
+    where = np.clip(((there - a) * (b - a)).sum(2) / ((b - a) ** 2).sum(2), 0, 1)
+    gaps = np.linalg.norm(there - a - where[..., None] * (b - a), axis=2).min(axis=0)
+    assert gaps.max() <= found.chord_error
+    assert gaps.max() >= 0.9 * found.chord_error
+
+
+def test_the_tube_tells_the_type_where_it_can() -> None:
+    # within the tube of the trefoil, 0.607, and beyond it
+    curve = trefoil_spline(60)
+    near, far = mdtopo.approximate(curve, 0.05), mdtopo.approximate(curve, epsilon=8.0)
+    assert near.isotopy is mdtopo.Isotopy.TUBE
+    assert mdtopo.knot_determinant(near.points[:-1]) == 3
+    assert far.isotopy is mdtopo.Isotopy.NOT_KNOWN
+    assert "radius 0.607" in far.reason
+    assert "runs along it" in near.reason
+
+
+def test_the_type_of_a_function_is_seen_by_samples() -> None:
+    x = 2 * PI
+
+    def velocity(t: float) -> Sequence[float]:
+        return x * np.cos(x * t) * 3, -x * np.sin(x * t)
+
+    ellipse = mdtopo.ParametricCurve(
+        lambda t: (3 * np.sin(x * t), np.cos(x * t)),
+        lambda t: (-3 * x**2 * np.sin(x * t), -(x**2) * np.cos(x * t)),
+        velocity,
+        closed=True,
+    )
+    assert mdtopo.approximate(ellipse, 0.01).isotopy is mdtopo.Isotopy.TUBE_SAMPLED
+    assert mdtopo.approximate(ellipse, epsilon=3.0).isotopy is mdtopo.Isotopy.NOT_KNOWN
+    assert "first derivative" in mdtopo.approximate(ELLIPSE, 0.01).reason
+
+
+def test_a_corner_is_a_vertex() -> None:
+    corner = mdtopo.CompositeBezier.from_control_points(np.array([[[0.0, 0], [1, 0]], [[1, 0], [1, 1]]]))
+    found = mdtopo.approximate(corner, epsilon=0.1)
+    assert found.parameters.tolist() == [0.0, 0.5, 1.0]
+    assert found.chord_error <= 1e-12
+    assert found.isotopy is mdtopo.Isotopy.NOT_KNOWN
+    assert "corner of 90°" in found.reason
+
+
+def test_strands_come_one_after_the_other() -> None:
+    points = np.stack([P, P + np.array([0, 0, 5.0])])
+    found = mdtopo.approximate(mdtopo.CompositeBezier.from_control_points(points, lengths=[1, 1]), epsilon=0.1)
+    assert found.offsets.tolist() == [0, 10, 20]
+    assert found.n_chords == 18
+    np.testing.assert_allclose(found.points[10:] - found.points[:10], np.tile([0, 0, 5.0], (10, 1)), atol=1e-12)
+
+
+def test_a_curve_that_meets_itself_is_never_of_known_type() -> None:
+    # the loop of case T2: its ends are apart, its body crosses itself
+    loop = mdtopo.CompositeBezier.from_control_points(np.array([[0.0, 0], [2, 1], [-1, 1], [1, 0]]))
+    found = mdtopo.approximate(loop, 1e-4)
+    assert found.isotopy is mdtopo.Isotopy.NOT_KNOWN
+    assert mdtopo.tube(loop).radius <= 1e-9
