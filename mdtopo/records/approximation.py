@@ -13,8 +13,8 @@ class Isotopy(IntEnum):
     """Whether a polyline is ambient isotopic to its curve, and by which argument.
 
     NOT_KNOWN: nothing is claimed. TUBE: every chord lies in the tube about the curve, and every chord and the tangents
-    of its arc make acute angles, so each normal disk of the tube meets the polyline once; proven. TUBE_SAMPLED: the same,
-    seen at samples of a curve that is known by functions only; heuristic.
+    of its arc make acute angles, so each normal disk of the tube meets the polyline once; proven. TUBE_SAMPLED: the
+    same, seen at samples of a curve that is known by functions only; heuristic.
     """
 
     NOT_KNOWN = 0
