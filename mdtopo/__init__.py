@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         TubeTerm,
         Verdict,
     )
+    from mdtopo.sametype import SameType, same_type
     from mdtopo.smooth import spline_curve
     from mdtopo.store import read_results
     from mdtopo.tubes import tube
@@ -65,6 +66,7 @@ _HOMES = {
     "RunSummary": "records",
     "RunVerdict": "records",
     "Rung": "records",
+    "SameType": "sametype",
     "Scope": "records",
     "Severity": "records",
     "StepReport": "records",
@@ -81,6 +83,7 @@ _HOMES = {
     "nu": "polyline",
     "polyline_step": "polyline",
     "read_results": "store",
+    "same_type": "sametype",
     "spline_curve": "smooth",
     "steps": "pipeline",
     "tube": "tubes",
@@ -107,6 +110,7 @@ __all__ = [
     "RunSummary",
     "RunVerdict",
     "Rung",
+    "SameType",
     "Scope",
     "Severity",
     "StepReport",
@@ -124,6 +128,7 @@ __all__ = [
     "nu",
     "polyline_step",
     "read_results",
+    "same_type",
     "spline_curve",
     "steps",
     "tube",
