@@ -52,8 +52,8 @@ def same_type(x: Points, strands: Strands, kind: CurveKind = "interpolating") ->
     Guarantee
     ---------
     Proven: `TUBE` is said only where every edge lies in the tube about the curve and makes acute angles with the
-    tangents of its arc (Jordan et al. 2008, sections 4-6; see `approximate`). It holds for the curve with the control points as
-    computed. A curve that does not pass through its vertices is `NOT_KNOWN`.
+    tangents of its arc (Jordan et al. 2008, sections 4-6; see `approximate`). It holds for the curve with
+    the control points as computed. A curve that does not pass through its vertices is `NOT_KNOWN`.
 
     Raises
     ------
