@@ -4,20 +4,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from mdtopo.records import MonitorConfig, RunSummary, RunVerdict, Severity
-
-HEADLINES = {
-    RunVerdict.PASS: "every step is proved: no strand passed through another.",
-    RunVerdict.WARN: "every step is proved, but something came near a limit; see the alerts.",
-    RunVerdict.UNPROVEN: "some steps are not decided; nothing is said about them.",
-    RunVerdict.FAIL: "a strand passed through another, or broke; see the alerts.",
-}
-
-NEAR = {
-    "pair": "proved, but the motion is {limit:g} of the limit or more",
-    "nu": "proved, but 2 x displacement is {limit:g} of the least distance or more",
-    "clearance": "proved, but some pair is only {limit:g} Å apart or less",
-}
+from mdtopo.records import MonitorConfig, RunSummary, Severity
+from mdtopo.records.headline import headline, state_meanings
 
 
 def aligned(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> Iterator[str]:
@@ -25,34 +13,6 @@ def aligned(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> Iterator[
     width = max((len(name) for name, _ in rows), default=0)
     for name, value in rows:
         yield f"{indent}{name.ljust(width)}  {value}".rstrip()
-
-
-def headline(summary: RunSummary) -> str:
-    """Return the verdict with its meaning, in one line."""
-    text = HEADLINES[summary.verdict]
-    counts = summary.counts
-    if summary.verdict is RunVerdict.FAIL:
-        found = [_crossings(summary)] if any(summary.crossings.values()) else []
-        found += [_count(summary.n_fractures, "broken edge", "broken edges")] if summary.n_fractures else []
-        text = f"{' and '.join(found)}; see the alerts."
-    if summary.verdict is RunVerdict.UNPROVEN and counts.crossed:
-        text = f"{_crossings(summary)}: the frames are too far apart to tell a passage from a detour."
-        if counts.unresolved:
-            text += f" {_count(counts.unresolved, 'step is', 'steps are')} not decided."
-    if summary.stopped and summary.verdict is RunVerdict.UNPROVEN:
-        text = "the trajectory could not be read to its end; the counts are of what was read."
-    if not counts.steps:
-        text = "there is no step to look at: a step needs two frames."
-    return f"{summary.verdict.value}: {text}"
-
-
-def _crossings(summary: RunSummary) -> str:
-    grades = [f"{n} {grade.name.lower()}" for grade, n in sorted(summary.crossings.items(), reverse=True) if n]
-    return f"{_count(sum(summary.crossings.values()), 'crossing', 'crossings')} ({', '.join(grades)})"
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number} {one if number == 1 else many}"
 
 
 def summary_text(
@@ -81,15 +41,9 @@ def summary_text(
 
 def _count_lines(summary: RunSummary, config: MonitorConfig) -> Iterator[str]:
     counts = summary.counts
-    near = NEAR[config.criterion].format(limit=config.near_limit)
-    table = [
-        ("steps", counts.steps, ""),
-        ("  proved by ball", counts.ball, "every vertex moved less than the least distances of the strands allow"),
-        ("  proved by pairs", counts.pairs, "every pair of edges was shown to stay apart"),
-        ("  near the limit", counts.near_limit, near),
-        ("  unresolved", counts.unresolved, "not decided, or the data were unusable"),
-        ("  crossed", counts.crossed, "straight paths between the frames pass through each other"),
-    ]
+    numbers = (counts.ball, counts.pairs, counts.near_limit, counts.unresolved, counts.crossed)
+    named = zip(state_meanings(config).values(), numbers, strict=True)
+    table = [("steps", counts.steps, ""), *((f"  {word}", number, meaning) for (word, meaning), number in named)]
     width = max(len(str(number)) for _, number, _ in table)
     yield from aligned([(name, f"{number:{width}d}  {meaning}") for name, number, meaning in table])
 

@@ -1,0 +1,107 @@
+"""Where should I look? The alerts, worst first, each with the pair that it is about and the frames to open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mdtopo.alerts import crossing_keys
+from mdtopo.records import Alert, AlertKind, Crossing, Grade, Severity
+from mdtopo.report.rundata import WORST_KINDS, RunData
+
+PAIR_COLUMNS = {"pair": "pair_ratio_pair", "nu": "nu_pair", "clearance": "clearance_pair"}
+"""The column that holds the pair of each near-limit criterion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Event:
+    """An alert, and what is needed to show it.
+
+    Attributes
+    ----------
+    alert : Alert
+    crossing : Crossing or None
+        Where the alert is about one.
+    edges : tuple of tuple of int
+        The edges that are marked: two, one (a bond), or none; a vertex is an edge with equal ends.
+    frames : tuple of int or None
+        The two frames of the worst step; None where the alert is about no step.
+    times : tuple of float
+        Their times, ps.
+    """
+
+    alert: Alert
+    crossing: Crossing | None
+    edges: tuple[tuple[int, int], ...]
+    frames: tuple[int, int] | None
+    times: tuple[float, float]
+
+    @property
+    def grade(self) -> str:
+        """The grade of a crossing in words, else empty."""
+        return "" if self.crossing is None else self.crossing.grade.name.lower()
+
+
+def ranked_events(run: RunData) -> list[Event]:
+    """Return the events of all alerts, worst first: by severity, kind, grade of a crossing, and how far beyond."""
+    crossings = run.results.crossings
+    keys = [f"crossing-{s}-{k}" for s, k in zip(crossings.step.tolist(), crossing_keys(crossings), strict=True)]
+    row_of = {key: row for row, key in enumerate(keys)}
+    events = [_event(run, alert, row_of) for alert in run.results.alerts]
+    return sorted(events, key=_concern)
+
+
+def _event(run: RunData, alert: Alert, row_of: dict[str, int]) -> Event:
+    crossing = run.results.crossings[row_of[alert.id]] if alert.id in row_of else None
+    if alert.kind is AlertKind.GAP or not 0 <= run.row(alert.step_peak) < run.n_steps:
+        return Event(alert, crossing, (), None, (np.nan, np.nan))
+    row, columns = run.row(alert.step_peak), run.columns
+    frames = int(columns["frame_t0"][row]), int(columns["frame_t1"][row])
+    times = float(columns["time_t0"][row]), float(columns["time_t1"][row])
+    return Event(alert, crossing, _edges(run, alert, crossing, row), frames, times)
+
+
+def _edges(run: RunData, alert: Alert, crossing: Crossing | None, row: int) -> tuple[tuple[int, int], ...]:
+    """Return the edges that an alert is about, those alone whose labels the alert names."""
+    columns = run.columns
+    if crossing is not None:
+        found = crossing.edges
+    elif alert.kind is AlertKind.FRACTURE:
+        at_peak = [edge.edge for edge in run.results.broken if edge.step == alert.step_peak]
+        found = next((np.array([edge]) for edge in at_peak if _named(run, alert, edge)), np.empty((0, 2), int))
+    elif alert.kind is AlertKind.STRETCH:
+        found = columns["bond_stretch_edge"][row][np.newaxis]
+    elif alert.kind is AlertKind.NEAR_LIMIT:
+        found = columns[PAIR_COLUMNS[run.config.criterion]][row]
+    elif alert.kind is AlertKind.UNRESOLVED:
+        candidates = (columns["clearance_pair"][row], columns["pair_ratio_pair"][row])
+        found = next((pair for pair in candidates if _named(run, alert, pair.ravel().tolist())), np.empty((0, 2), int))
+    else:
+        return ()
+    if (found < 0).any() or not _named(run, alert, found.ravel().tolist()):
+        return ()
+    return tuple((int(a), int(b)) for a, b in found)
+
+
+def _named(run: RunData, alert: Alert, vertices: "list[int] | tuple[int, int]") -> bool:
+    labels = run.results.strands.labels
+    return min(vertices, default=-1) >= 0 and {labels.text(v) for v in vertices} <= set(alert.residues)
+
+
+def _concern(event: Event) -> tuple[int, int, int, float, int]:
+    alert = event.alert
+    grade = Grade.PROVEN - event.crossing.grade if event.crossing is not None else 0
+    return -alert.severity, WORST_KINDS.index(alert.kind), grade, _slack(event), alert.step_peak
+
+
+def _slack(event: Event) -> float:
+    """Return what is smaller the worse an event is: for a crossing, how surely it is one."""
+    alert = event.alert
+    if alert.value is None or not alert.limit:
+        return 0.0
+    ratio = alert.value / alert.limit
+    return ratio if alert.kind is AlertKind.CROSSING else -ratio
+
+
+def severity_word(severity: Severity) -> str:
+    """Return a severity in words."""
+    return severity.name.lower()

@@ -1,0 +1,348 @@
+"""One run as one page: everything inlined, so that it opens anywhere and asks the network for nothing."""
+
+import base64
+import json
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mdtopo.records import Grade, Severity, StepState
+from mdtopo.records.headline import headline, state_meanings
+from mdtopo.report.cards import pair_cards, pair_in_words, strand_cards
+from mdtopo.report.envelope import bin_starts, envelope, worst_states
+from mdtopo.report.events import Event, ranked_events, severity_word
+from mdtopo.report.interval import IntervalAdvice, interval_advice, percent
+from mdtopo.report.picture import event_picture
+from mdtopo.report.rundata import RunData
+from mdtopo.report.scene import Scene
+from mdtopo.report.snippets import snippets
+
+MOST_LISTED = 200
+"""Alerts in the list; the sentence below it says how many there are beside."""
+
+MOST_CARDS = 12
+MOST_MARKERS = 4000
+
+SHAPES = {
+    StepState.BALL: ("●", "#009E73"),
+    StepState.PAIRS: ("■", "#56B4E9"),
+    StepState.NEAR_LIMIT: ("▲", "#E69F00"),
+    StepState.UNRESOLVED: ("◆", "#CC79A7"),
+    StepState.CROSSED: ("✕", "#D55E00"),
+}
+"""A shape and a colour (Okabe-Ito) for each state."""
+
+VERDICT_SHAPES = {
+    "PASS": ("✓", "#009E73"),
+    "WARN": ("▲", "#E69F00"),
+    "UNPROVEN": ("◆", "#CC79A7"),
+    "FAIL": ("✕", "#D55E00"),
+}
+SEVERITY_SHAPES = {
+    Severity.INFO: ("○", "#0072B2"),
+    Severity.WARNING: ("▲", "#E69F00"),
+    Severity.CRITICAL: ("✕", "#D55E00"),
+}
+
+
+def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = "") -> str:
+    """Return the page of a run.
+
+    Parameters
+    ----------
+    run : RunData
+    scenes : mapping of str to Scene
+        The surroundings of some events, by the id of their alert.
+    no_views : str
+        One sentence that says why there are none, where there are none.
+    """
+    events = ranked_events(run)
+    scale, unit = time_unit(run)
+    advice = interval_advice(run)
+    context = {
+        "run": run,
+        "summary": run.summary,
+        "headline": headline(run.summary).split(": ", 1)[1],
+        "verdict_shape": VERDICT_SHAPES[run.summary.verdict.value],
+        "states": _state_rows(run),
+        "answers": _answers(run, events, advice),
+        "strand_cards": strand_cards(run),
+        "pair_cards": pair_cards(run),
+        "most_cards": MOST_CARDS,
+        "events": [_event_row(run, event, scenes) for event in events[:MOST_LISTED]],
+        "n_more": max(0, len(events) - MOST_LISTED),
+        "advice": advice,
+        "percent": percent,
+        "no_views": no_views,
+        "unit": unit,
+        "scale": scale,
+        "coverage": _coverage(run),
+        "inputs": run.results.provenance.get("inputs", []),
+        "provenance": run.results.provenance,
+        "gaps": run.results.strands.gaps,
+        "figure": figure,
+        "data": script_json(_data(run, events, scenes, advice)),
+    }
+    return _template("run.html.j2", context)
+
+
+def _template(name: str, context: Mapping[str, Any]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    environment = Environment(
+        loader=PackageLoader("mdtopo.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    folder = files("mdtopo.report") / "templates"
+    # our own files and plotly's: the only text that is not escaped
+    parts = {name: Markup((folder / name).read_text("utf-8")) for name in ("style.css", "page.js")}
+    library = Markup(get_plotlyjs().replace("</script", "<\\/script"))
+    return environment.get_template(name).render(
+        **context, style=parts["style.css"], script=parts["page.js"], plotly=library
+    )
+
+
+def script_json(values: Any) -> Any:
+    """Return JSON that no text in it can end the script element of: marked as safe for the template."""
+    from markupsafe import Markup
+
+    text = json.dumps(values, ensure_ascii=True, allow_nan=False)
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+
+
+def figure(value: float, unit: str = "", digits: int = 4) -> Any:
+    """Return a number with its unit as an HTML ``data`` element, which keeps the value as the results file has it."""
+    from markupsafe import Markup
+
+    if value is None or np.isnan(value):
+        return Markup("—")
+    text = "∞" if np.isinf(value) else f"{value:.{digits}g}"
+    return Markup('<data value="{}">{}</data>{}').format(repr(float(value)), text, f" {unit}" if unit else "")
+
+
+def time_unit(run: RunData) -> tuple[float, str]:
+    """Return by what a time in ps is divided, and the unit that fits the run."""
+    if not run.has_times:
+        return 1.0, "ps"
+    span = float(run.columns["time_t1"][-1] - run.columns["time_t0"][0])
+    if span >= 2e6:
+        return 1e6, "µs"
+    return (1e3, "ns") if span >= 2e3 else (1.0, "ps")
+
+
+def _state_rows(run: RunData) -> list[dict[str, Any]]:
+    numbers = np.bincount(run.states, minlength=len(StepState)).tolist()
+    return [
+        {
+            "shape": SHAPES[state][0],
+            "colour": SHAPES[state][1],
+            "name": word,
+            "meaning": meaning,
+            "count": numbers[state],
+            "share": 100.0 * numbers[state] / run.n_steps if run.n_steps else 0.0,
+        }
+        for state, (word, meaning) in state_meanings(run.config).items()
+    ]
+
+
+def _answers(run: RunData, events: list[Event], advice: IntervalAdvice | None) -> list[tuple[str, str, str]]:
+    """Return question, answer and the section that says more."""
+    return [
+        ("Did anything pass?", _passed(run), "alerts"),
+        ("How close was it?", _closeness(run), "time"),
+        ("Where should I look?", _worst(events), "alerts"),
+        ("Is the save interval good enough?", _interval_words(run, advice), "interval"),
+        ("What was not checked?", _unchecked(run), "unchecked"),
+    ]
+
+
+def _passed(run: RunData) -> str:
+    summary, counts = run.summary, run.summary.counts
+    if not counts.steps:
+        return "Unknown: a step needs two frames."
+    found = [f"{n} {grade.name.lower()}" for grade, n in sorted(summary.crossings.items(), reverse=True) if n]
+    broke = (
+        f" {summary.n_fractures} edge{'s' if summary.n_fractures != 1 else ''} broke." if summary.n_fractures else ""
+    )
+    if found:
+        only = not (summary.crossings[Grade.PROVEN] or summary.crossings[Grade.RESOLVED])
+        word = "Perhaps" if only else "Yes"
+        return f"{word}: crossings of straight paths in {counts.crossed} steps ({', '.join(found)}).{broke}"
+    if counts.unresolved:
+        return f"Not that we know, but {counts.unresolved} of {counts.steps} steps are undecided.{broke}"
+    return f"No: proved in all {counts.steps} steps, for straight paths between the frames.{broke}"
+
+
+def _closeness(run: RunData) -> str:
+    summary = run.summary
+    if summary.clearance_step < 0:
+        return "Not known: no step was proved."
+    row = run.row(summary.clearance_step)
+    pair = pair_in_words(run, run.columns["clearance_pair"][row])
+    between = f" between {pair}" if pair else ""
+    return f"In proved steps at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{between})."
+
+
+def _worst(events: list[Event]) -> str:
+    shown = next((event for event in events if event.alert.severity is not Severity.INFO), None)
+    if shown is None:
+        return "Nowhere in particular: there is no warning."
+    alert = shown.alert
+    frames = f"frames {shown.frames[0]}–{shown.frames[1]}" if shown.frames else "the input"
+    return f"{alert.kind.value.capitalize()} in {frames}, {', '.join(alert.residues) or 'no residue named'}."
+
+
+def _interval_words(run: RunData, advice: IntervalAdvice | None) -> str:
+    if advice is None:
+        return "Unknown: the trajectory holds no times."
+    return (
+        f"At {advice.spacing:.3g} ps, {percent(advice.now_by_ball)} of the steps are within the paper's bound, "
+        f"{percent(advice.now_by_pairs)} within the bound of pairs."
+    )
+
+
+def _unchecked(run: RunData) -> str:
+    words = ["What happened between the frames off the straight paths"]
+    words += [f"{len(run.results.strands.gaps)} gaps in strands"] if run.results.strands.gaps else []
+    words += [f"{run.summary.counts.unresolved} undecided steps"] if run.summary.counts.unresolved else []
+    return f"{'; '.join(words)}."
+
+
+def _event_row(run: RunData, event: Event, scenes: Mapping[str, Scene]) -> dict[str, Any]:
+    atoms = sorted({vertex for edge in event.edges for vertex in edge})
+    indices = run.results.strands.labels.atom_index[atoms].tolist() if atoms else []
+    paths = [entry["path"] for entry in run.results.provenance.get("inputs", [])]
+    scene = scenes.get(event.alert.id)
+    shape, colour = SEVERITY_SHAPES[event.alert.severity]
+    return {
+        "alert": event.alert,
+        "severity": severity_word(event.alert.severity),
+        "shape": shape,
+        "colour": colour,
+        "grade": event.grade,
+        "crossing": event.crossing,
+        "frames": event.frames,
+        "times": event.times,
+        "snippets": snippets(paths, event.frames, indices) if event.frames else {},
+        "scene": scene,
+        "picture": event_picture(scene) if scene is not None else "",
+    }
+
+
+def _coverage(run: RunData) -> dict[str, Any]:
+    columns, strands = run.columns, run.results.strands
+    stored = int(np.sum(columns["scope"] == 1))
+    return {
+        "n_frames": run.n_steps + 1 if run.n_steps else 0,
+        "first": int(columns["frame_t0"][0]) if run.n_steps else None,
+        "last": int(columns["frame_t1"][-1]) if run.n_steps else None,
+        "strides": np.unique(columns["frame_t1"] - columns["frame_t0"]).tolist()[:5],
+        "spacing": run.spacing,
+        "n_strands": strands.n_strands,
+        "n_rings": int(np.sum(strands.closed)),
+        "n_vertices": strands.n_vertices,
+        "n_jumps": int(np.sum(columns["image_jumps"] > 0)),
+        "stored_only": stored,
+        "eta": run.config.coordinate_error,
+    }
+
+
+def _packed(values: NDArray[Any], dtype: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode()
+
+
+def _data(
+    run: RunData, events: list[Event], scenes: Mapping[str, Scene], advice: IntervalAdvice | None
+) -> dict[str, Any]:
+    """Return what the script draws, ready for JSON; arrays are little-endian bytes in base64."""
+    starts = bin_starts(run.n_steps)
+    scale, unit = time_unit(run)
+    ends = np.append(starts[1:], run.n_steps) - 1
+    if run.has_times:
+        x = 0.5 * (run.columns["time_t0"][starts] + run.columns["time_t1"][ends]) / scale
+    else:
+        x = run.results.first_step + 0.5 * (starts + ends)
+    series = {}
+    for name in ("clearance", "pair_ratio", "nu_ratio"):
+        e = envelope(run.columns[name], starts)
+        series[name] = {
+            "least": _packed(e.least, "<f8"),
+            "least_step": _packed(e.least_row + run.results.first_step, "<i4"),
+            "greatest": _packed(e.greatest, "<f8"),
+            "greatest_step": _packed(e.greatest_row + run.results.first_step, "<i4"),
+        }
+    return {
+        "x": _packed(x, "<f8"),
+        "x_title": f"time ({unit})" if run.has_times else "step",
+        "first_step": run.results.first_step,
+        "states": _packed(worst_states(run.states, starts), "<i1"),
+        "state_names": [word for word, _ in state_meanings(run.config).values()],
+        "state_colours": [colour for _, colour in SHAPES.values()],
+        "series": series,
+        "criterion": run.config.criterion,
+        "near_limit": run.config.near_limit,
+        "alerts": _markers(run, events, scale),
+        "scenes": {key: _scene_data(scene) for key, scene in scenes.items()},
+        "interval": _interval_data(advice),
+    }
+
+
+def _markers(run: RunData, events: list[Event], scale: float) -> list[dict[str, Any]]:
+    """Return one marker for each alert; of a crowd, one for each place that differs on a screen, with their number."""
+    timed = [event for event in events if event.frames is not None]
+    width = max(1, run.n_steps)
+    crowd: dict[tuple[str, int], dict[str, Any]] = {}
+    for event in timed:  # the worst comes first, so it is the one that is shown
+        alert = event.alert
+        place = alert.step_peak if len(timed) <= MOST_MARKERS else run.row(alert.step_peak) * 2000 // width
+        key = (alert.kind.value, place)
+        if key in crowd:
+            crowd[key]["n"] += 1
+            continue
+        x = 0.5 * (event.times[0] + event.times[1]) / scale if run.has_times else float(alert.step_peak)
+        crowd[key] = {
+            "kind": alert.kind.value,
+            "severity": severity_word(alert.severity),
+            "x": x,
+            "step": alert.step_peak,
+            "n": 1,
+            "text": alert.message,
+        }
+    return list(crowd.values())
+
+
+def _scene_data(scene: Scene) -> dict[str, Any]:
+    return {
+        "pieces": [
+            {
+                "strand": piece.strand,
+                "labels": list(piece.labels),
+                "x0": _packed(piece.x0, "<f4"),
+                "x1": _packed(piece.x1, "<f4"),
+            }
+            for piece in scene.pieces
+        ],
+        "marked": [[x0.tolist(), x1.tolist()] for x0, x1 in scene.marked],
+        "t": scene.t,
+        "eye": scene.eye.tolist(),
+        "radius": scene.radius,
+    }
+
+
+def _interval_data(advice: IntervalAdvice | None) -> dict[str, Any] | None:
+    if advice is None:
+        return None
+    return {
+        "x": advice.spacings.tolist(),
+        "ball": (100.0 * advice.by_ball).tolist(),
+        "pairs": (100.0 * advice.by_pairs).tolist(),
+        "spacing": advice.spacing,
+    }

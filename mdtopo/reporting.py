@@ -1,0 +1,109 @@
+"""From results files to reports on the disk: the one place where a report and the trajectory meet."""
+
+import os
+import secrets
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from mdtopo.errors import InputError, OutputError
+from mdtopo.records import Frame
+from mdtopo.reopening import frames_at, input_files, open_again
+from mdtopo.report import Event, RunData, Scene, event_scene, ranked_events, render_page, step_path
+from mdtopo.store import read_results
+
+MOST_SCENES = 16
+"""Events that are shown with a picture and a 3D view: the worst."""
+
+
+def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overwrite: bool = False) -> RunData:
+    """Write the report of a run, one page that needs no other file, and return the run.
+
+    Parameters
+    ----------
+    results : Path
+        The results file.
+    out : Path
+        The page.
+    inputs : sequence of Path
+        Topology and trajectory, where they have moved; by default the stored paths. Where they are missing or have
+        changed, the page says so and has everything but the pictures of the events.
+    overwrite : bool
+        Whether an existing page may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the results cannot be read.
+    OutputError
+        If the page cannot be written, or exists already.
+    """
+    check_target(out, overwrite=overwrite)
+    run = RunData.of(results, read_results(results))
+    scenes, why = event_scenes(run, inputs)
+    write_text(out, render_page(run, scenes, no_views=why))
+    return run
+
+
+def event_scenes(run: RunData, inputs: Sequence[Path] = ()) -> tuple[dict[str, Scene], str]:
+    """Return the surroundings of the worst events by the id of their alert, and why there are none, in one sentence."""
+    shown = [event for event in ranked_events(run) if event.edges and event.frames is not None][:MOST_SCENES]
+    if not shown:
+        return {}, ""
+    try:
+        paths, _ = input_files(run.path, run.results, inputs)
+        frames = _frames(run, paths, shown)
+    except InputError as error:
+        return {}, f"There are no views of the events, because the trajectory could not be opened again: {error}"
+    periodic = frames[0].cell is not None
+    scenes = {}
+    for event in shown:
+        pair = (frames[event.frames[0]], frames[event.frames[1]]) if event.frames is not None else None
+        path = pair and step_path(pair, run.results.strands, run.results.broken, run.config, periodic)
+        if path:
+            t = None if event.crossing is None else event.crossing.t
+            scenes[event.alert.id] = event_scene(*path, run.results.strands, event.edges, t)
+    return scenes, ""
+
+
+def _frames(run: RunData, paths: Sequence[Path], shown: Sequence[Event]) -> dict[int, Frame]:
+    """Return the frames of the events by their index; the trajectory's first says whether the run is periodic."""
+    wanted = sorted({0, *(frame for event in shown for frame in event.frames or ())})
+    with open_again(run.path, run.results, paths) as reader:
+        stream = frames_at(reader, wanted)
+        return {frame.index: frame for frame in (next(stream) for _ in wanted)}
+
+
+def check_target(path: Path, *, overwrite: bool) -> None:
+    """Refuse a page that exists, or has no directory.
+
+    Raises
+    ------
+    OutputError
+        If it does.
+    """
+    if path.is_dir():
+        raise OutputError(f"{path} is a directory; give the name of a file.")
+    if path.exists() and not overwrite:
+        raise OutputError(f"{path} exists already; give --overwrite to replace it, or another name.")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path} cannot be written, because the directory {path.parent} does not exist.")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text under a temporary name, and rename it when it is whole.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; nothing stays behind then.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
+    try:
+        # a file name may hold bytes that are no UTF-8
+        partial.write_text(text, encoding="utf-8", errors="backslashreplace")
+        partial.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise OutputError(f"{path} cannot be written ({error.strerror or error}).") from error
