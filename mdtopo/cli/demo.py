@@ -52,11 +52,12 @@ def run(arguments: argparse.Namespace) -> Exit:
     """Copy the example, run the job on it, and explain the outcome."""
     directory: Path = arguments.directory
     inputs = _copy_inputs(directory)
-    options = {"out": str(directory / "run.h5"), "alerts": str(directory / "alerts.jsonl"), "overwrite": True}
+    names = {"out": "run.h5", "alerts": "alerts.jsonl", "report": "run.html"}
+    options = {option: str(directory / name) for option, name in names.items()}
     command = ["mdtopo", "monitor", *map(str, inputs), "-o", options["out"], "--alerts", options["alerts"]]
-    command.append("--overwrite")
+    command += ["--report", options["report"], "--overwrite"]
     _print([*_wrapped(BEFORE), "", f"  {shlex.join(map(str, command))}", ""])
-    run_job(inputs, settled(MONITOR_OPTIONS, options), argv=arguments.argv)
+    run_job(inputs, settled(MONITOR_OPTIONS, options, {"overwrite": True}), argv=arguments.argv)
     _print(["", *_wrapped(AFTER), "", *_alert_lines(directory / "run.h5"), "", *_next_steps(directory, inputs)])
     return Exit.DONE
 
@@ -92,6 +93,7 @@ def _alert_lines(results: Path) -> Iterator[str]:
 
 def _next_steps(directory: Path, inputs: list[Path]) -> list[str]:
     rows = [
+        (str(directory / "run.html"), "the report: one page, open it in a browser"),
         (str(directory / "alerts.jsonl"), "one line of JSON for each alert"),
         (str(directory / "run.h5"), "every number of every step; in Python: mdtopo.read_results"),
         (shlex.join(["mdtopo", "doctor", *map(str, inputs)]), "how the input was understood"),

@@ -106,6 +106,7 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     from mdtopo.pipeline import monitor
 
     _refuse_same_file(inputs, options)
+    _refuse_report(options)
     config = MonitorConfig.from_mapping(knobs_of(dict(options)))
     to_stdout = options["alerts"] == "-"
     display = _Display(quiet=options["quiet"], bar=sys.stderr.isatty() and not (to_stdout and sys.stdout.isatty()))
@@ -124,6 +125,8 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
             on_progress=display.show,
             argv=argv,
         )
+    if options["report"] is not None and summary.n_steps:
+        _write_report(inputs, options)
     if not options["quiet"]:
         stream = sys.stderr if to_stdout else sys.stdout
         stream.write(_summary(summary, config, options))
@@ -131,10 +134,29 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     return summary
 
 
+def _refuse_report(options: Mapping[str, Any]) -> None:
+    """Refuse, before hours are spent, a report that could not be written after them."""
+    if options["report"] is None:
+        return
+    from mdtopo.reporting import check_target
+
+    if options["out"] is None:
+        raise InputError(f"--report {options['report']} is made from the results file; name one with --out.")
+    check_target(Path(options["report"]), overwrite=options["overwrite"])
+
+
+def _write_report(inputs: list[Path], options: Mapping[str, Any]) -> None:
+    from mdtopo.reporting import write_report
+
+    write_report(Path(options["out"]), Path(options["report"]), inputs, overwrite=options["overwrite"])
+
+
 def _summary(summary: "RunSummary", config: MonitorConfig, options: Mapping[str, Any]) -> str:
     results = str(summary.results) if summary.results is not None else ""
     alerts = "" if options["alerts"] in (None, "-") else str(options["alerts"])
-    return summary_text(summary, config, closest=_closest_pair(summary), alerts_at=alerts, results_at=results)
+    report = str(options["report"] or "") if summary.n_steps else ""
+    closest = _closest_pair(summary)
+    return summary_text(summary, config, closest=closest, alerts_at=alerts, results_at=results, report_at=report)
 
 
 def _closest_pair(summary: "RunSummary") -> str:
@@ -155,13 +177,13 @@ def _closest_pair(summary: "RunSummary") -> str:
 def _refuse_same_file(inputs: list[Path], options: Mapping[str, Any]) -> None:
     """Refuse to write over an input, or two outputs to one file: --overwrite must not destroy a trajectory."""
     taken = {path.resolve(): "an input file" for path in inputs}
-    for name in ("out", "alerts"):
+    for name in ("out", "alerts", "report"):
         if options[name] in (None, "-"):
             continue
         path = Path(options[name]).resolve()
         if path in taken and (path.is_file() or not path.exists()):
             raise InputError(f"--{name} {options[name]} is {taken[path]} too; choose another name.")
-        taken[path] = "the results file"
+        taken[path] = {"out": "the results file", "alerts": "the alert file"}.get(name, "the report")
 
 
 class _Display:

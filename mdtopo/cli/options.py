@@ -165,6 +165,15 @@ OUTPUT_OPTIONS = (
         metavar="FILE",
         example='"alerts.jsonl"',
     ),
+    Option(
+        "report",
+        Kind.TEXT,
+        None,
+        "report of the run: one page (HTML) that opens in any browser and works offline; needs --out",
+        "output",
+        metavar="FILE",
+        example='"run.html"',
+    ),
     Option("overwrite", Kind.FLAG, False, "replace output files that exist", "output"),
     Option(
         "fail-on",

@@ -16,7 +16,13 @@ def aligned(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> Iterator[
 
 
 def summary_text(
-    summary: RunSummary, config: MonitorConfig, *, closest: str = "", alerts_at: str = "", results_at: str = ""
+    summary: RunSummary,
+    config: MonitorConfig,
+    *,
+    closest: str = "",
+    alerts_at: str = "",
+    results_at: str = "",
+    report_at: str = "",
 ) -> str:
     """Return the summary of a run, as ``mdtopo monitor`` prints it.
 
@@ -28,7 +34,7 @@ def summary_text(
         Says what counts as near the limit.
     closest : str
         Which pair is the closest, in words; empty where that is not known.
-    alerts_at, results_at : str
+    alerts_at, results_at, report_at : str
         Where they were written; empty where they were not.
     """
     lines = [headline(summary), "", *_count_lines(summary, config), ""]
@@ -36,6 +42,8 @@ def summary_text(
     if results_at:
         note = " (incomplete)" if summary.stopped else ""
         rows.append(("results", f"{results_at}{note}"))
+    if report_at:
+        rows.append(("report", report_at))
     return "\n".join([*lines, *aligned(rows)]) + "\n"
 
 

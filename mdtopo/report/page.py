@@ -188,6 +188,8 @@ def _closeness(run: RunData) -> str:
     row = run.row(summary.clearance_step)
     pair = pair_in_words(run, run.columns["clearance_pair"][row])
     between = f" between {pair}" if pair else ""
+    if summary.clearance == 0.0:
+        return f"Proved never to meet, but too close to say how far apart (step {summary.clearance_step}{between})."
     return f"In proved steps at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{between})."
 
 

@@ -2,6 +2,7 @@
 
 import base64
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ def event_picture(scene: Scene) -> str:
     from PIL import Image
 
     figure = Figure(figsize=(9.0, 3.1), dpi=100)
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     right, up = _screen(scene.eye)
     for axes, t in zip(figure.subplots(1, 3), (0.0, scene.t, 1.0), strict=True):
         _draw(axes, scene, t, np.stack([right, up, scene.eye]))

@@ -110,7 +110,7 @@ def event_scene(
         t,
         _spread(marked, t),
         _eye(now),
-        2.5 * span,
+        4.0 * span,
     )
 
 

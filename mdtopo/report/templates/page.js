@@ -1,7 +1,7 @@
 "use strict";
 (() => {
 const data = JSON.parse(document.getElementById("mdtopo-data").textContent);
-const OKABE = ["#56B4E9", "#009E73", "#E69F00", "#CC79A7", "#0072B2", "#999999"];
+const OKABE = ["#56B4E9", "#009E73", "#E69F00", "#CC79A7", "#999999"];
 const MARKS = ["#D55E00", "#0072B2"];
 // plotly reads tags in labels; labels come from files, so they are shown as text
 const plain = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
@@ -30,6 +30,7 @@ function timePlot(element) {
   }
   // infinity has no place on an axis: it is drawn above everything else, and says so
   const top = (s) => { let m = 0; for (const v of s.greatest) if (isFinite(v) && v > m) m = v; return 1.1 * (m || 1); };
+  const median = (s) => { const v = Array.from(s.greatest).filter(isFinite).sort((a, b) => a - b); return v[Math.floor(v.length / 2)] || 1; };
   const tops = Object.fromEntries(Object.entries(series).map(([name, s]) => [name, top(s)]));
 
   // pixels: the bins between two x values, gathered so that at most `most` are left; extremes are kept, never skipped
@@ -95,6 +96,8 @@ function timePlot(element) {
     }),
   ];
   const line = (axis, y, dash) => ({ type: "line", xref: "paper", x0: 0, x1: 1, yref: axis, y0: y, y1: y, line: { color: "#5c6675", width: 1, dash } });
+  // one step of a hundred times the limit must not flatten all others
+  const ratioAxis = tops.pair_ratio > 20 * median(series.pair_ratio) ? { type: "log", dtick: 1 } : { rangemode: "tozero" };
   const limits = [line("y2", 1, "solid")];
   if (data.criterion !== "clearance") limits.push(line("y2", data.near_limit, "dot"));
   else limits.push(line("y", data.near_limit, "dot"));
@@ -104,7 +107,7 @@ function timePlot(element) {
     legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" }, shapes: limits, paper_bgcolor: "#fff", plot_bgcolor: "#fff",
     xaxis: { title: { text: data.x_title }, anchor: kinds.length ? "y4" : "y3", gridcolor: "#eef0f3", zeroline: false },
     yaxis: { title: { text: "clearance (Å)" }, domain: [middle + 0.02, 1], rangemode: "tozero", gridcolor: "#eef0f3", zeroline: false },
-    yaxis2: { title: { text: "motion / limit" }, domain: [upper, middle - 0.02], rangemode: "tozero", gridcolor: "#eef0f3", zeroline: false },
+    yaxis2: { title: { text: "motion / limit" }, domain: [upper, middle - 0.02], ...ratioAxis, gridcolor: "#eef0f3", zeroline: false },
     yaxis3: { domain: [floor, floor + 0.045], tickvals: [0], ticktext: ["steps"], fixedrange: true, showgrid: false },
     yaxis4: { domain: [0, Math.max(lanes, 0.01)], type: "category", fixedrange: true, gridcolor: "#eef0f3", visible: kinds.length > 0 } };
   Plotly.newPlot(element, traces, layout, CONFIG);
@@ -126,10 +129,10 @@ function intervalPlot(element) {
     hovertemplate: "%{y:.1f} % at %{x:.3g} ps<extra>" + name + "</extra>" });
   Plotly.newPlot(element, [trace(d.pairs, "by pairs", "#009E73", "solid"), trace(d.ball, "by the paper's bound", "#CC79A7", "dash")],
     { font: FONT, margin: { l: 96, r: 16, t: 40, b: 48 }, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" },
-      xaxis: { title: { text: "spacing of the frames (ps)" }, type: "log", gridcolor: "#eef0f3" },
+      xaxis: { title: { text: "spacing of the frames (ps)" }, type: "log", exponentformat: "power", gridcolor: "#eef0f3" },
       yaxis: { title: { text: "steps proved (%), estimate" }, range: [-3, 103], gridcolor: "#eef0f3", zeroline: false },
       shapes: [{ type: "line", x0: d.spacing, x1: d.spacing, yref: "paper", y0: 0, y1: 1, line: { color: "#1d2430", width: 1, dash: "dot" } }],
-      annotations: [{ x: Math.log10(d.spacing), yref: "paper", y: 1, yanchor: "bottom", text: "this run", showarrow: false }] }, CONFIG);
+      annotations: [{ x: Math.log10(d.spacing), yref: "paper", y: 0.04, yanchor: "bottom", xanchor: "left", text: "this run", showarrow: false }] }, CONFIG);
 }
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];

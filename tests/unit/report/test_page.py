@@ -1,0 +1,251 @@
+"""The page of a run: what it says is what the results file holds, and nothing in a file can break out of it."""
+
+import base64
+import json
+import re
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import browser
+import numpy as np
+import pytest
+
+from mdtopo import Strands, monitor, read_results
+from mdtopo.cli import main
+from mdtopo.errors import InputError, OutputError
+from mdtopo.records import MonitorConfig, StepState
+from mdtopo.report import RunData, render_page
+from mdtopo.report.envelope import MOST_BINS
+from mdtopo.reporting import write_report
+
+HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>"
+EIGHT_MB = 8_000_000
+
+needs_browser = pytest.mark.skipif(bool(browser.missing()), reason=browser.missing() or "a browser is there")
+
+
+def bars(n_frames: int = 8) -> np.ndarray:
+    """Two open strands of three vertices; the second goes through the first between the frames 3 and 4."""
+    first = np.array([[-1.5, 0.0, 0.0], [-0.5, 0.0, 0.0], [0.9, 0.1, 0.0]])
+    second = np.array([[0.0, -1.4, 0.0], [0.1, 0.6, 0.0], [0.2, 1.6, 0.0]])
+    heights = 0.35 - 0.1 * np.arange(n_frames)
+    return np.stack([np.concatenate([first, second + np.array([0.0, 0.0, z])]) for z in heights])
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Callable[..., Path]:
+    def run(positions: np.ndarray | None = None, name: str = "run", labels: str = "strand", **knobs: object) -> Path:
+        x = bars() if positions is None else positions
+        source, out = tmp_path / f"{name}.npz", tmp_path / f"{name}.h5"
+        names = np.array([f"{labels} 1", f"{labels} 2"])
+        np.savez(source, positions=x, offsets=[0, 3, 6], closed=[False, False], time=np.arange(len(x)), names=names)
+        monitor(source, out=out, config=MonitorConfig(motion="lab", **knobs))
+        return out
+
+    return run
+
+
+class Figures(HTMLParser):
+    """Collects the numbers of ``data`` elements, the counts, and every element."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.values: list[float] = []
+        self.counts: dict[str, int] = {}
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self._count = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        self.tags.append((tag, found))
+        if tag == "data":
+            self.values.append(float(found["value"] or "nan"))
+        self._count = found.get("data-count") or ("steps" if found.get("id") == "n-steps" else "")
+
+    def handle_data(self, data: str) -> None:
+        if self._count:
+            self.counts[self._count] = int(data)
+            self._count = ""
+
+
+def page_data(text: str) -> dict:
+    found = re.search(r'<script type="application/json" id="mdtopo-data">(.*?)</script>', text, re.S)
+    assert found is not None
+    return json.loads(found[1])
+
+
+def unpacked(text: str, dtype: str) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(text), dtype)
+
+
+def test_every_figure_is_the_results_files(make: Callable[..., Path]) -> None:
+    results = make()
+    write_report(results, results.with_suffix(".html"))
+    text = results.with_suffix(".html").read_text()
+    found, page, data = read_results(results), Figures(text), page_data(text)
+    counts = found.summary["counts"]
+    shown = [page.counts[name] for name in ("proved by ball", "proved by pairs", "near the limit", "unresolved")]
+    assert [*shown, page.counts["crossed"]] == list(counts.values())
+    assert sum(counts.values()) == page.counts["steps"] == len(found.steps["verdict"]) == 7
+    assert counts["crossed"] == 1
+    for name in ("clearance", "pair_ratio", "nu_ratio"):
+        column, series = found.steps[name], data["series"][name]
+        np.testing.assert_array_equal(unpacked(series["least"], "<f8"), column)
+        np.testing.assert_array_equal(unpacked(series["greatest"], "<f8"), column)
+    known = np.concatenate([column.ravel().astype(float) for column in found.steps.values()])
+    known = np.append(known, found.config["coordinate_error"] or 0.0)
+    for value in page.values:
+        assert np.isclose(known, value, rtol=1e-15, atol=0.0).any(), value
+    assert {alert.message for alert in found.alerts} == {marker["text"] for marker in data["alerts"]}
+    assert RunData.of(results, found).summary.to_mapping() == found.summary
+
+
+def test_the_view_opens_at_the_crossing(make: Callable[..., Path]) -> None:
+    results = make()
+    write_report(results, results.with_suffix(".html"))
+    crossing = read_results(results).crossings[0]
+    scene = page_data(results.with_suffix(".html").read_text())["scenes"]["crossing-3-1-3"]
+    assert scene["t"] == crossing.t == pytest.approx(0.5)
+    (p0, p1), (q0, q1) = np.array(scene["marked"])
+    p, q = ((1 - crossing.t) * x0 + crossing.t * x1 for x0, x1 in ((p0, p1), (q0, q1)))
+    s, r = crossing.parameters
+    np.testing.assert_allclose((1 - s) * p[0] + s * p[1], (1 - r) * q[0] + r * q[1], atol=1e-12)
+
+
+def test_hostile_labels_show_as_text(make: Callable[..., Path]) -> None:
+    results = make(labels=HOSTILE)
+    write_report(results, results.with_suffix(".html"))
+    text = results.with_suffix(".html").read_text()
+    tags = Figures(text).tags
+    assert not [found for tag, found in tags if tag == "img" and "onerror" in found]
+    assert [tag for tag, _ in tags].count("script") == 3
+    assert HOSTILE not in text
+    assert HOSTILE in unescape(text.split("<main>")[1].split("</main>")[0])
+    assert HOSTILE in page_data(text)["alerts"][0]["text"]
+
+
+def million(run: RunData, row: int) -> RunData:
+    """The same run, its first step repeated to a million steps, one of them near the limit."""
+    n = 1_000_000
+    columns = {name: np.repeat(column[:1], n, axis=0) for name, column in run.columns.items()}
+    columns["time_t0"], columns["time_t1"] = np.arange(n, dtype=float), np.arange(1.0, n + 1)
+    columns["frame_t0"], columns["frame_t1"] = np.arange(n), np.arange(1, n + 1)
+    columns["pair_ratio"][row] = 0.85
+    results = replace(run.results, steps=columns, crossings=run.results.crossings.rows(slice(0)), alerts=())
+    return RunData.of(run.path, results)
+
+
+def test_one_near_limit_step_in_a_million(make: Callable[..., Path]) -> None:
+    results = make()
+    run = million(RunData.of(results, read_results(results)), row := 654_321)
+    text = render_page(run, {})
+    data = page_data(text)
+    greatest = unpacked(data["series"]["pair_ratio"]["greatest"], "<f8")
+    assert greatest.max() == 0.85
+    assert unpacked(data["series"]["pair_ratio"]["greatest_step"], "<i4")[greatest.argmax()] == row
+    assert (unpacked(data["states"], "<i1") == StepState.NEAR_LIMIT).sum() == 1
+    assert len(greatest) <= MOST_BINS
+    assert Figures(text).counts["near the limit"] == 1
+    assert len(text.encode()) < EIGHT_MB
+
+
+def test_no_trajectory_no_views(make: Callable[..., Path]) -> None:
+    results = make()
+    results.with_suffix(".npz").unlink()
+    write_report(results, results.with_suffix(".html"))
+    text = results.with_suffix(".html").read_text()
+    assert "the trajectory could not be opened again" in unescape(text)
+    assert page_data(text)["scenes"] == {}
+    assert Figures(text).counts["steps"] == 7
+
+
+def test_one_frame_and_no_step(make: Callable[..., Path]) -> None:
+    results = make(bars(1))
+    write_report(results, results.with_suffix(".html"))
+    text = results.with_suffix(".html").read_text()
+    assert "a step needs two frames" in text
+    assert Figures(text).counts["steps"] == 0
+
+
+def test_an_incomplete_run_says_so(make: Callable[..., Path]) -> None:
+    results = make()
+    found = replace(read_results(results), complete=False, summary={"stopped": "frame 9 cannot be read"})
+    text = render_page(RunData.of(results, found), {})
+    assert "Incomplete: the run did not come to its end (frame 9 cannot be read)" in text
+    assert "in progress" in render_page(RunData.of(results, found, in_progress=True), {})
+
+
+def test_files_that_are_no_results(make: Callable[..., Path], tmp_path: Path) -> None:
+    results = make()
+    half = tmp_path / "half.h5"
+    half.write_bytes(results.read_bytes()[:20_000])
+    with pytest.raises(InputError, match="truncated or damaged"):
+        write_report(half, tmp_path / "half.html")
+    older = replace(read_results(results), steps={"verdict": np.empty(0)})
+    with pytest.raises(InputError, match="an older mdtopo wrote it"):
+        RunData.of(results, older)
+    with pytest.raises(OutputError, match="exists already"):
+        write_report(results, results)
+
+
+def test_the_command(make: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    results = make()
+    assert main(["report", str(results)]) == 0
+    assert results.with_suffix(".html").is_file()
+    assert "7 steps; the report is in" in capsys.readouterr().out
+    assert main(["report", str(results)]) == 4
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["report", str(results), "--overwrite"]) == 0
+
+
+def test_monitor_writes_the_report(make: Callable[..., Path], tmp_path: Path) -> None:
+    source, page = make().with_suffix(".npz"), tmp_path / "again.html"
+    words = ["monitor", str(source), "--motion", "lab", "--report", str(page)]
+    assert main(words) == 4  # needs --out
+    assert main([*words, "--out", str(tmp_path / "again.h5")]) == 0
+    assert page_data(page.read_text())["scenes"]
+
+
+@needs_browser
+def test_in_a_browser(make: Callable[..., Path], tmp_path: Path) -> None:
+    results = make(labels=HOSTILE)
+    page_file = results.with_suffix(".html")
+    write_report(results, page_file)
+    with browser.browser(tmp_path / "profile") as page:
+        page.open(page_file)
+        time.sleep(0.5)
+        assert page.errors() == []
+        assert page.requests() == []
+        assert "owned" not in page.run("return document.title")
+        assert page.run("return document.querySelectorAll('#time-plot .scatterlayer .trace').length") >= 2
+        assert "distance 0.0000" in page.run("return document.querySelector('.controls output').textContent")
+        page.run(
+            "const s = document.querySelector('.controls input'); s.value = 1; s.oninput();"
+            "Plotly.relayout('time-plot', {'xaxis.range': [1, 3]});"
+        )
+        assert "t = 1.0000" in page.run("return document.querySelector('.controls output').textContent")
+        assert page.errors() == []
+
+
+@needs_browser
+def test_without_webgl_the_picture_stands_in(make: Callable[..., Path], tmp_path: Path) -> None:
+    results = make()
+    write_report(results, results.with_suffix(".html"))
+    flags = tuple(flag for flag in browser.FLAGS if "gl" not in flag and "swiftshader" not in flag)
+    with browser.browser(tmp_path / "profile", flags=(*flags, "--disable-gpu", "--disable-3d-apis")) as page:
+        page.open(results.with_suffix(".html"))
+        assert page.run("return document.querySelector('.still').getBoundingClientRect().width") > 300
+        assert page.run("return document.querySelector('.stage').hidden")
+        assert page.errors() == []
+
+
+def test_strands_of_an_array_in_memory(tmp_path: Path) -> None:
+    out = tmp_path / "memory.h5"
+    monitor(bars(), strands=Strands.from_lengths([3, 3]), out=out, config=MonitorConfig(motion="lab"))
+    write_report(out, tmp_path / "memory.html")
+    assert "made from an object in memory" in unescape((tmp_path / "memory.html").read_text())
