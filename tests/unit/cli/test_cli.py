@@ -11,7 +11,20 @@ from mdtopo.cli import COMMANDS, main
 from mdtopo.cli.exits import Exit
 from mdtopo.errors import AuditError
 
-NAMES = ("demo", "doctor", "monitor", "watch", "shards", "alerts", "explain", "export", "verify", "config", "readers")
+NAMES = (
+    "demo",
+    "doctor",
+    "monitor",
+    "report",
+    "watch",
+    "shards",
+    "alerts",
+    "explain",
+    "export",
+    "verify",
+    "config",
+    "readers",
+)
 
 
 def python(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:

@@ -15,7 +15,7 @@ def test_the_demo_runs_twice_and_leaves_results_and_alerts(cli: Callable, tmp_pa
         outcome = cli("demo", "-d", folder)
         assert outcome.code == Exit.DONE
     assert sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")) == [
-        "alerts.jsonl", "duplex.data", "pull.dcd", "run.h5",
+        "alerts.jsonl", "duplex.data", "pull.dcd", "run.h5", "run.html",
     ]  # fmt: skip
     results = mdtopo.read_results(folder / "run.h5")
     assert results.complete
