@@ -3,13 +3,21 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mdtopo.arcs import BezierArc
 from mdtopo.errors import InputError
-from mdtopo.records import CompositeBezier, Isotopy, Strands
+from mdtopo.polyline import checked_positions, polyline_step
+from mdtopo.records import CompositeBezier, Isotopy, MonitorConfig, Strands, Verdict
 from mdtopo.smooth import CurveKind, spline_curve
 from mdtopo.tubes import tube
-from mdtopo.typing import Flags, Lengths, Points
+from mdtopo.typing import Points
+
+MOST_PARTS = 64
+"""Chords for each edge that are tried; a curve that needs more comes within 1e-3 of an edge length of itself."""
+
+ROUNDING = 1e-9
+"""Clearance that the motion must keep, as a multiple of the greatest coordinate; rounding moves places by 1e-15."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +31,7 @@ class SameType:
     reason : str
         The argument with its numbers, or what it lacks.
     distance : float
-        A bound of the distance of curve and polyline, Å; infinite where the curve does not pass through the vertices.
+        A bound of the distance of the curve and the polyline that has its type by the tube, Å.
     """
 
     isotopy: Isotopy
@@ -51,9 +59,10 @@ def same_type(x: Points, strands: Strands, kind: CurveKind = "interpolating") ->
 
     Guarantee
     ---------
-    Proven: `TUBE` is said only where every edge lies in the tube about the curve and makes acute angles with the
-    tangents of its arc (Jordan et al. 2008, sections 4-6; see `approximate`). It holds for the curve with
-    the control points as computed. A curve that does not pass through its vertices is `NOT_KNOWN`.
+    Proven, for the curve with the control points as computed. `TUBE`: every edge lies in the tube about the curve and
+    makes acute angles with the tangents of its arc (Jordan et al. 2008, sections 4-6; see `approximate`). `HOMOTOPY`: a
+    finer polyline with its vertices on the curve does, and its step to the same places on the edges is certified
+    (`polyline_step`) with a clearance far above the rounding of those places.
 
     Raises
     ------
@@ -67,31 +76,60 @@ def same_type(x: Points, strands: Strands, kind: CurveKind = "interpolating") ->
     >>> same_type(ring, Strands.from_lengths([12], closed=True)).isotopy.name
     'TUBE'
     """
+    x = checked_positions(x, strands, "x")
     curve = spline_curve(x, strands, kind)
-    if curve.n_segments != len(strands.edges) or not _passes_through(curve, x, strands):
-        return SameType(Isotopy.NOT_KNOWN, "the curve does not pass through the vertices", np.inf)
-    distances, along = _edges_beside(curve)
-    distance = float(distances.max())
+    if curve.n_segments != len(strands.edges):
+        return SameType(Isotopy.NOT_KNOWN, "the curve has not one segment for each edge", np.inf)
     try:
         radius = tube(curve).radius
     except InputError as problem:
-        return SameType(Isotopy.NOT_KNOWN, f"the curve has no tube ({str(problem).rstrip('.')})", distance)
-    numbers = f"within {distance:.4g} Å of the curve, whose tube has the radius {radius:.4g} Å"
-    if not distance < radius:
-        return SameType(Isotopy.NOT_KNOWN, f"the edges are only {numbers}", distance)
-    if not along.all():
-        edge = strands.describe_edge(strands.edges[int(np.flatnonzero(~along)[0])])
-        return SameType(Isotopy.NOT_KNOWN, f"the curve turns too far from the edge {edge}", distance)
-    return SameType(Isotopy.TUBE, f"all edges run along it, {numbers}", distance)
+        return SameType(Isotopy.NOT_KNOWN, f"the curve has no tube ({str(problem).rstrip('.')})", np.inf)
+    arcs = [BezierArc.of(curve, strand) for strand in range(len(curve.closed))]
+    parts, distance = 1, np.inf
+    while parts <= MOST_PARTS:
+        chords = [arc.chords(_ends(arc, parts)) for arc in arcs]
+        distance = max(float(found[0].max()) for found in chords)
+        if distance < radius and all(found[1].all() for found in chords):
+            break
+        parts *= 2
+    else:
+        lacking = f"no polyline of {MOST_PARTS} chords for each edge is seen in the tube of radius {radius:.4g} Å"
+        return SameType(Isotopy.NOT_KNOWN, lacking, distance)
+    if parts == 1 and _passes_through(curve, x, strands):
+        words = (
+            f"all edges run along it, within {distance:.4g} Å of the curve, whose tube has the radius {radius:.4g} Å"
+        )
+        return SameType(Isotopy.TUBE, words, distance)
+    return _moved(arcs, x, strands, parts, distance)
+
+
+def _ends(arc: BezierArc, parts: int) -> NDArray[np.float64]:
+    """Return the ends of the chords when each segment has so many (a power of 2, so that they are exact)."""
+    return np.arange(len(arc.segments) * parts + 1) / parts
+
+
+def _moved(arcs: list[BezierArc], x: Points, strands: Strands, parts: int, distance: float) -> SameType:
+    """Return what the motion from the finer polyline to the edges proves."""
+    share = np.arange(parts) / parts
+    on_curve, on_edges = [], []
+    first = 0
+    for arc, closed in zip(arcs, strands.closed, strict=True):
+        edges = strands.edges[first : first + len(arc.segments)]
+        a, b = x[edges[:, 0], None], x[edges[:, 1], None]
+        straight = ((1.0 - share)[:, None] * a + share[:, None] * b).reshape(-1, 3)
+        on_curve.append(arc.points(_ends(arc, parts)[: -1 if closed else None]))
+        on_edges.append(straight if closed else np.concatenate([straight, b[-1]]))
+        first += len(arc.segments)
+    fine = Strands.from_lengths([len(points) for points in on_curve], closed=strands.closed.tolist())
+    end = np.concatenate(on_edges)
+    report = polyline_step(np.concatenate(on_curve), end, fine, config=MonitorConfig(motion="lab"))
+    how = f"a polyline of {parts} chords for each edge, which has the curve's type by its tube"
+    if report.verdict is not Verdict.CERTIFIED or not report.clearance > ROUNDING * float(np.abs(end).max()):
+        return SameType(Isotopy.NOT_KNOWN, f"{how}, is not seen to move to the edges without a passage", distance)
+    words = f"{how}, moves to the edges with {report.clearance:.4g} Å to spare"
+    return SameType(Isotopy.HOMOTOPY, words, distance)
 
 
 def _passes_through(curve: CompositeBezier, x: Points, strands: Strands) -> bool:
     ends = np.stack([curve.control_points[:, 0], curve.control_points[:, -1]], axis=1)
-    return bool(np.array_equal(ends, np.asarray(x, dtype=np.float64)[strands.edges]))
-
-
-def _edges_beside(curve: CompositeBezier) -> tuple[Lengths, Flags]:
-    """Return how far each edge is from its arc, Å, and whether the arc runs along it; in the order of the segments."""
-    arcs = [BezierArc.of(curve, strand) for strand in range(len(curve.closed))]
-    found = [arc.chords(arc.edges) for arc in arcs]
-    return np.concatenate([one[0] for one in found]), np.concatenate([one[1] for one in found])
+    return bool(np.array_equal(ends, x[strands.edges]))

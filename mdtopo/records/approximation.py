@@ -14,12 +14,14 @@ class Isotopy(IntEnum):
 
     NOT_KNOWN: nothing is claimed. TUBE: every chord lies in the tube about the curve, and every chord and the tangents
     of its arc make acute angles, so each normal disk of the tube meets the polyline once; proven. TUBE_SAMPLED: the
-    same, seen at samples of a curve that is known by functions only; heuristic.
+    same, seen at samples of a curve that is known by functions only; heuristic. HOMOTOPY: a finer polyline has the
+    curve's type by its tube, and moves to the polyline without passing through itself; proven.
     """
 
     NOT_KNOWN = 0
     TUBE = 1
     TUBE_SAMPLED = 2
+    HOMOTOPY = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
