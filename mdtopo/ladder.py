@@ -9,7 +9,7 @@ rung  name              settles the pair when                                   
 ====  ================  ==============================================================  =======================
 0     ball              every vertex moves less than ν0/2 (the paper)                   ν0 - 2m
 1     two-frame ball    every vertex moves less than (ν0 + ν1)/2                        (ν0 + ν1)/2 - m
-2     broad phase       the swept spheres of the edges, or the slabs across the line    their gap
+2     broad phase       the swept boxes of the edges, or the slabs across the line      the slabs' gap
                         of their centres, are apart
 3     relative motion   ρ < d0 + d1                                                     (d0 + d1 - ρ)/2
 4     direction         one w in {n0, n1, n0 + n1} has w·v > 0 for all v at both ends   min w·v/|w|
@@ -47,7 +47,8 @@ from mdtopo.extremes import (
     keep_nu,
     keep_ratio,
 )
-from mdtopo.geometry.broadphase import candidate_pairs
+from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
+from mdtopo.geometry.bundles import near_edges
 from mdtopo.geometry.distances import UNIT_ROUNDOFF, closest_points, dual_bound
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import (
@@ -55,6 +56,7 @@ from mdtopo.geometry.pairs import (
     cheap_bounds,
     direction_clearance,
     hull_clearance,
+    is_apart_along_axis,
     is_far,
     is_idle,
     line_bound,
@@ -74,6 +76,9 @@ OPEN = int(Rung.OPEN)
 RATIO_REACH = 1.25
 """Pairs whose ratio is at least 1/1.25 = 0.8 are always in reach: they have d0 + d1 ≤ 1.25 ρ, and ρ is at most the sum
 of the two edges' greatest displacements."""
+
+REACH_GUARD = 1.0 + 1e-9
+"""And this much further: rounding of a distance, a motion or a ratio loses no pair."""
 
 WIDEST_REACH = 4.0
 """The search for a class without any pair in reach stops at this multiple of the mean edge length."""
@@ -189,25 +194,30 @@ def settle_pair(
     j: int,
     image: Counts,
     kind: int,
-    bounds: tuple[float, float, float, float],
+    bounds: tuple[float, float, float],
+    is_boxed_off: bool,
     motion: StepMotion,
     edges: IntArray,
     placing: float,
+    first_reach: float,
     best: Extremes,
 ) -> bool:
     """Settle one pair of edges by the cheapest rung up to 5 that does, and return whether one did.
 
-    What the pair adds to the step's extremes is kept; of a pair that stays open all but its clearance.
+    What the pair adds to the step's extremes is kept; of a pair that stays open all but its clearance. A pair that the
+    search may miss, as it is further apart than `first_reach` and has a small ratio, is never the greatest ratio.
     """
-    gap, low0, low1, _ = bounds
+    gap, low0, low1 = bounds
     start, end = corners_of(i, j, image, motion, edges)
     _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
     _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
     low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
     low1 = max(dual_bound(n1, end[0], end[1], end[2], end[3]) - placing, low1)
     rho = relative_motion(start, end) + placing
-    keep_nu(edges, i, j, kind, norm(n0), norm(n1), low0, low1, best)
-    keep_ratio(edges, i, j, rho, low0, low1, best)
+    near0, near1 = norm(n0), norm(n1)
+    keep_nu(edges, i, j, kind, near0, near1, low0, low1, best)
+    if kind == 0 or near0 + near1 <= 2.0 * first_reach or RATIO_REACH * rho >= low0 + low1:
+        keep_ratio(edges, i, j, rho, low0, low1, best)
     rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
     # tests are for what is proved, so that a NaN proves nothing
     if not gap > 0.0:
@@ -218,7 +228,7 @@ def settle_pair(
             rung, clearance = HULL, hull_clearance(start, end) - placing
         if not clearance > 0.0:
             return False
-    if rung != BROAD_PHASE:
+    if rung != BROAD_PHASE and not is_boxed_off:
         best.rung_pairs[rung] += 1
     keep_clearance(edges, i, j, kind, clearance, best)
     return True
@@ -236,6 +246,7 @@ def climb_pairs(
     spheres: Spheres,
     slack: float,
     placing: float,
+    first_reach: float,
     best: Extremes,
     is_open: BoolArray,
 ) -> float:
@@ -279,10 +290,14 @@ def climb_pairs(
             low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
             low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
             idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
-        if idle and not gap > 0.0:
+        boxed_off = gap > 0.0 or is_apart_along_axis(centre0, centre1, f0, g0, f1, g1)
+        if not idle:
+            bounds = (gap, low0, low1)
+            is_open[k] = not settle_pair(
+                i, j, image, kind, bounds, boxed_off, motion, edges, placing, first_reach, best
+            )
+        elif not boxed_off:
             rung_pairs[RELATIVE_MOTION] += 1
-        elif not idle:
-            is_open[k] = not settle_pair(i, j, image, kind, (gap, low0, low1, rho), motion, edges, placing, best)
     return greatest_drift
 
 
@@ -352,7 +367,7 @@ def measure_step(
     local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
     local_open = np.zeros(len(local_pairs), dtype=np.bool_)
     climb_pairs(
-        local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, placing, local, local_open
+        local_pairs, no_images, True, motion, edges, following, trace, spheres, slack, placing, 0.0, local, local_open
     )
     local_found = decide_open(local_pairs, no_images, local_open, True, motion, edges, trace, placing, local)
     found = local_found
@@ -361,19 +376,18 @@ def measure_step(
     edge_length = mean_edge_length(spheres)
     widest = WIDEST_REACH * edge_length
     drift, best = 0.0, local
-    reach = max(min(FIRST_REACH * local.values[NU0], edge_length), min(SPARE_REACH * likely_reach, widest))
+    first_reach = min(FIRST_REACH * local.values[NU0], edge_length)
+    reach = max(first_reach, min(SPARE_REACH * likely_reach, widest))
     wanted, countable = 0.0, True
     while len(edges) > 0:
-        radii = padded_radii(spheres, reach, slack)
-        pairs, images, countable = candidate_pairs(
-            spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic
-        )
+        pads = search_pads(spheres, reach, local.values[RATIO], slack)
+        pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
         if not countable:
             break
         best = copy_extremes(local)
         is_open = np.zeros(len(pairs), dtype=np.bool_)
         drift = climb_pairs(
-            pairs, images, False, motion, edges, following, trace, spheres, slack, placing, best, is_open
+            pairs, images, False, motion, edges, following, trace, spheres, slack, placing, first_reach, best, is_open
         )
         others = decide_open(pairs, images, is_open, False, motion, edges, trace, placing, best)
         found = both_found(local_found, others)
@@ -395,15 +409,34 @@ def mean_edge_length(spheres: Spheres) -> float:
 
 
 @njit(cache=True, nogil=True)
-def padded_radii(spheres: Spheres, reach: float, slack: float) -> FloatArray:
-    """Return radii such that two spheres that never meet belong to edges that stay more than `reach` apart.
+def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> FloatArray:
+    """Return by how much the edges are enlarged, Å, so that all pairs that count are found to meet.
 
-    They also have a ratio below 1/RATIO_REACH.
+    Two edges of which the enlarged ones never meet stay more than `reach` apart. Rung 3 proves as much, since ρ is at
+    most the sum of their motions: whether such a pair is looked at cannot be seen in a clearance. And their ratio is
+    below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already.
     """
-    radii = np.empty(len(spheres.half))
-    for k in range(len(radii)):
-        radii[k] = spheres.half[k] + max(0.5 * reach, 0.5 * RATIO_REACH * spheres.motion[k]) + slack
-    return radii
+    share = 0.5 * RATIO_REACH if ratio * RATIO_REACH <= 1.0 else 0.5 / ratio
+    pads = np.empty(len(spheres.half))
+    for k in range(len(pads)):
+        pads[k] = max(0.5 * (reach + spheres.motion[k]), share * spheres.motion[k]) * REACH_GUARD + slack
+    return pads
+
+
+@njit(cache=True, nogil=True)
+def pairs_in_reach(
+    motion: StepMotion, periodic: bool, edges: IntArray, trace: IntArray, spheres: Spheres, pads: FloatArray
+) -> tuple[IntArray, IntArray, bool]:
+    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_edges`.
+
+    Only where images can meet are they looked for: the search without them is several times faster.
+    """
+    if periodic:
+        radii = spheres.half + pads
+        basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+        if images_can_meet(spheres.mid0, spheres.mid1, radii, basis0, basis1):
+            return candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
+    return near_edges(motion.x0, motion.x1, edges, trace, pads), np.empty((0, 3), dtype=np.int64), True
 
 
 @njit(cache=True, nogil=True)
@@ -466,6 +499,8 @@ def conclude(
         clearances[:] = 0.0
     for kind in range(1, 3):
         clearances[kind] = min(clearances[kind], reach)
+        if best.least[kind] > reach:  # whether the search met a pair out there is chance
+            witness[kind] = -1
     if not has_self:
         clearances[1] = np.nan
     if not has_inter:

@@ -89,7 +89,7 @@ def candidate_pairs(
     if len(source) < m:
         return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
-    order, starts, shape, low, width = _bin(spheres)
+    order, starts, shape, low, width = sorted_into_cells(spheres)
     spheres = spheres[order]
     found, count = _scan(order, starts, shape, width, spheres, m)
     found, count = _scan_large(order, starts, shape, low, width, spheres, m, found, count)
@@ -218,7 +218,7 @@ def _with_ghosts(
                         continue
                     if count == capacity:
                         capacity *= 2
-                        source, images = _grown(source, capacity), _grown_rows(images, capacity)
+                        source, images = _grown(source, capacity), grown_rows(images, capacity)
                     source[count] = i
                     images[count, 0], images[count, 1] = home[i, 0] + a, home[i, 1] + b
                     images[count, 2] = home[i, 2] + c
@@ -254,14 +254,15 @@ def _grown(values: IntArray, capacity: int) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def _grown_rows(values: IntArray, capacity: int) -> IntArray:
+def grown_rows(values: IntArray, capacity: int) -> IntArray:
+    """Return rows of integers with room for more behind them."""
     larger = np.empty((capacity, values.shape[1]), dtype=np.int64)
     larger[: len(values)] = values
     return larger
 
 
 @njit(cache=True, nogil=True)
-def _bin(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts, Vector, float]:
+def sorted_into_cells(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts, Vector, float]:
     """Return the spheres sorted by grid cell (x fastest), the start of each cell, and the grid: shape, origin, width.
 
     Two spheres of ordinary size that meet lie in the same cell or in adjacent ones.
@@ -322,7 +323,7 @@ def _scan(
                 own_row = other_b == b and other_c == c
                 lower, upper = starts[first_cell + left], starts[first_cell + right]
                 if count + (end - begin) * (upper - lower) > len(found):
-                    found = _grown_rows(found, 2 * len(found) + (end - begin) * (upper - lower))
+                    found = grown_rows(found, 2 * len(found) + (end - begin) * (upper - lower))
                 for p in range(begin, end):
                     x, y, z, size, i = spheres[p, 0], spheres[p, 1], spheres[p, 2], spheres[p, 3], order[p]
                     for q in range(p + 1 if own_row else lower, upper):
@@ -357,15 +358,15 @@ def _scan_large(
         if not 2.0 * size > width:
             continue
         far = (size + largest) * GRID_GUARD
-        left, right = _cells_between(x - low[0], far, width / SLICES, nx)
-        first_b, last_b = _cells_between(y - low[1], far, width, ny)
-        first_c, last_c = _cells_between(z - low[2], far, width, nz)
+        left, right = cells_between(x - low[0], far, width / SLICES, nx)
+        first_b, last_b = cells_between(y - low[1], far, width, ny)
+        first_c, last_c = cells_between(z - low[2], far, width, nz)
         for c in range(first_c, last_c + 1):
             for b in range(first_b, last_b + 1):
                 first_cell = (c * ny + b) * nx
                 lower, upper = starts[first_cell + left], starts[first_cell + right + 1]
                 if count + upper - lower > len(found):
-                    found = _grown_rows(found, 2 * len(found) + upper - lower)
+                    found = grown_rows(found, 2 * len(found) + upper - lower)
                 for q in range(lower, upper):
                     if q >= p and 2.0 * spheres[q, 3] > width:
                         continue
@@ -379,7 +380,7 @@ def _scan_large(
 
 
 @njit(cache=True, nogil=True)
-def _cells_between(place: float, far: float, width: float, n: int) -> tuple[int, int]:
+def cells_between(place: float, far: float, width: float, n: int) -> tuple[int, int]:
     """Return the first and the last cell along an axis that hold points within `far` of a place."""
     first = int(min(max(np.floor((place - far) / width), 0.0), n - 1.0))
     last = int(min(max(np.floor((place + far) / width), 0.0), n - 1.0))

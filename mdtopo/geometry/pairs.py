@@ -187,3 +187,18 @@ def is_idle(
     """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
     clearance = max(gap, 0.5 * (low0 + low1 - rho))
     return clearance > max(least, 0.0) and low0 > nu0 and low1 > nu1 and rho < ratio * (low0 + low1)
+
+
+@njit(cache=True, nogil=True)
+def is_apart_along_axis(
+    centre0: Vector, centre1: Vector, first0: Vector, second0: Vector, first1: Vector, second1: Vector
+) -> bool:
+    """Return whether the slabs of a pair across one of the axes are apart at both ends; for parameters see `is_far`.
+
+    It is so of every pair whose boxes do not meet, in rounding too where those are padded.
+    """
+    for k in range(3):
+        reach0, reach1 = abs(first0[k]) + abs(second0[k]), abs(first1[k]) + abs(second1[k])
+        if (centre0[k] > reach0 and centre1[k] > reach1) or (-centre0[k] > reach0 and -centre1[k] > reach1):
+            return True
+    return False

@@ -1,0 +1,75 @@
+"""No pair of edges whose boxes meet is missed; the grid of bundles against trying every pair."""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mdtopo import Strands
+from mdtopo.geometry.bundles import BUNDLE, bundle_starts, near_edges
+from mdtopo.records import Traces
+
+Points = NDArray[np.float64]
+
+
+def all_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:
+    ends = np.stack([x0[t.edges], x1[t.edges]], axis=1).reshape(len(t.edges), 4, 3)
+    low, high = ends.min(axis=1) - pads[:, None], ends.max(axis=1) + pads[:, None]
+    return {
+        (i, j)
+        for i in range(len(low))
+        for j in range(i + 1, len(low))
+        if not (t.trace[i] == t.trace[j] and j - i <= 2) and (low[i] <= high[j]).all() and (low[j] <= high[i]).all()
+    }
+
+
+def found_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:
+    listed = [(int(i), int(j)) for i, j in near_edges(x0, x1, t.edges, t.trace, pads)]
+    assert len(set(listed)) == len(listed), "a pair is listed twice"
+    return set(listed)
+
+
+@pytest.mark.parametrize("lengths", [[2], [3], [6], [2, 2, 2], [5, 6, 7], [64], [150, 31], [2] * 80])
+@pytest.mark.parametrize("pad", [0.01, 0.5, 3.0])
+@pytest.mark.parametrize("stretched", [False, True])
+def test_every_pair_whose_boxes_meet_is_listed_once(lengths: Sequence[int], pad: float, stretched: bool) -> None:
+    t = Traces.of(Strands.from_lengths(lengths, closed=[n > 4 for n in lengths]))
+    rng = np.random.default_rng([len(lengths), sum(lengths), int(100 * pad), stretched])
+    expected = set()
+    for _ in range(3):
+        x0 = np.cumsum(rng.normal(size=(sum(lengths), 3)), axis=0) % (1.5 * sum(lengths) ** (1 / 3) + 1.0)
+        if stretched:  # a few edges that are far longer than the others
+            x0[rng.integers(len(x0), size=2)] *= 9.0
+        x1, pads = x0 + rng.normal(scale=0.3, size=x0.shape), pad * rng.uniform(0.5, 1.5, len(t.edges))
+        expected = all_near(x0, x1, t, pads)
+        assert found_near(x0, x1, t, pads) == expected
+    assert expected or sum(lengths) < 20
+
+
+@pytest.mark.parametrize(("gap", "meet"), [(0.99, True), (1.01, False)])
+def test_two_bars_are_near_when_their_padded_boxes_touch(gap: float, meet: bool) -> None:
+    t = Traces.of(Strands.from_lengths([2, 2]))
+    x = np.array([[0, 0, 0], [1, 0, 0], [0, 0, gap], [1, 0, gap]], dtype=float)
+    assert found_near(x, x, t, np.array([0.5, 0.5])) == ({(0, 1)} if meet else set())
+
+
+def test_a_bundle_holds_edges_of_one_trace() -> None:
+    t = Traces.of(Strands.from_lengths([4, BUNDLE + 3], closed=[True, False]))
+    starts = bundle_starts(t.trace)
+    assert starts[0] == 0
+    assert starts[-1] == len(t.edges)
+    for first, stop in itertools.pairwise(starts):
+        assert len(set(t.trace[first:stop])) == 1
+        assert 0 < stop - first <= BUNDLE
+
+
+@pytest.mark.parametrize("away", [1e3, 1e7, 1e12])
+def test_far_outliers_are_no_trouble(away: float) -> None:
+    t = Traces.of(Strands.from_lengths([2] * 100))
+    rng = np.random.default_rng(3)
+    x = rng.uniform(0, 8, (200, 3))
+    x[[0, 1]] += away
+    pads = np.full(100, 0.5)
+    assert found_near(x, x, t, pads) == all_near(x, x, t, pads)
