@@ -37,7 +37,9 @@ class WholeFrames(NamedTuple):
     usable: BoolArray
 
     def first(self, count: int) -> "WholeFrames":
-        """Return the first frames."""
+        """Return the first frames; all of them as they are."""
+        if count == len(self.positions):
+            return self
         return type(self)._make(array[:count] for array in self)
 
 

@@ -25,6 +25,8 @@ from mdtopo.records import (
 )
 from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, Ratios
 
+IDENTITY = np.eye(3)
+
 
 def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setting]:
     """Return the measures of the steps of a block, and the setting for the next block.
@@ -80,13 +82,16 @@ def _measure_part(
 ) -> Iterator[Crossings]:
     """Run the kernel over the steps of one part, fill their rows, and yield the crossings of each."""
     t, rigid, periodic = part.traces, config.motion == "rigid", plan.block.cells is not None
-    rotations = np.tile(np.eye(3), (len(measurable), 1, 1))
+    rows = columns.part(part.steps)
     if rigid:
         # about each strand's own centre where the image of a strand is arbitrary, else about the common one
         groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
         rotations = best_rotations(*covariances(part.frames.positions, measurable, t.vertices, groups))
-    rows = columns.part(part.steps)
-    rows.angle[:] = rotation_angles(rotations)
+        rows.angle[:] = rotation_angles(rotations)
+    else:
+        rotations = np.empty((len(measurable), 3, 3))
+        rotations[:] = IDENTITY
+        rows.angle[:] = 0.0
     starts, found = measure_steps(
         part.frames,
         measurable,
@@ -201,11 +206,11 @@ def _verdicts(
     certified = measured & (columns.rung != Rung.OPEN) & (n_crossings == 0)
     verdict = np.where(certified, Verdict.CERTIFIED, Verdict.UNRESOLVED).astype(np.int8)
     verdict[n_crossings > 0] = Verdict.CROSSING
-    reason = np.select(
-        [bad, columns.jump >= 0, ~columns.cell_ok, verdict != Verdict.UNRESOLVED, reasons != Reason.NONE],
-        [Reason.BAD_DATA, Reason.IMAGE_JUMP, Reason.CELL, Reason.NONE, reasons],
-        default=Reason.LADDER,
-    ).astype(np.int8)
+    reason = np.where(reasons != Reason.NONE, reasons, Reason.LADDER).astype(np.int8)
+    reason[verdict != Verdict.UNRESOLVED] = Reason.NONE  # from here on the later line wins
+    reason[~columns.cell_ok] = Reason.CELL
+    reason[columns.jump >= 0] = Reason.IMAGE_JUMP
+    reason[bad] = Reason.BAD_DATA
     return verdict, reason
 
 

@@ -167,7 +167,7 @@ def crossing_table(
     image, point = _as_stored(image, point, rows[:, 5], edges[pairs][:, :, 0], step)
     length = rows[:, 13] if resolution is None else np.full(len(rows), resolution)
     resolved = np.where(rows[:, 12] < length, Grade.RESOLVED, Grade.UNDERSAMPLED)
-    proven = [bool(changed) and meeting_of(row, traces) in changed for row in rows]
+    proven = [meeting_of(row, traces) in changed for row in rows] if changed else [False] * len(rows)
     return Crossings(
         strands=strands,
         step=np.full(len(rows), number, dtype=np.int64),

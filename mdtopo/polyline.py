@@ -1,5 +1,7 @@
 """One step of arrays in memory: the door for those who have their own frames."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mdtopo.errors import InputError
@@ -60,9 +62,9 @@ def polyline_step(
     if cell_t0 is not None and cell_t1 is not None:
         cells = np.stack([checked_cell(cell_t0, "cell_t0"), checked_cell(cell_t1, "cell_t1")])
     frame = Frame(0, np.nan, x0, None if cells is None else cells[0])
-    # nothing can stretch beyond a limit here, or break: that takes frames before and after
+    # nothing can stretch beyond a limit here, or break: that takes frames before and after, so none is watched
     reference = ReferenceLengths(reference_samples([frame], strands)[0], np.nan, np.nan, 1)
-    setting = Setting.start(strands, config or MonitorConfig(), reference)
+    setting = replace(Setting.start(strands, config or MonitorConfig(), reference), has_started=True)
     block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", ""))
     table, _ = measure_block(block, setting)
     return table.report(0)

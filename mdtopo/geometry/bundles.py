@@ -48,8 +48,7 @@ def near_edges(x0: FloatArray, x1: FloatArray, edges: IntArray, trace: IntArray,
     boxes = edge_boxes(x0, x1, edges, pads)
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
-    near = meeting_boxes(bundles)
-    return edge_pairs(near, starts, boxes, last_neighbours(trace))
+    return edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))
 
 
 @njit(cache=True, nogil=True)
@@ -214,7 +213,7 @@ def _scan_large(
 
 
 @njit(cache=True, nogil=True)
-def edge_pairs(near: IntArray, starts: IntArray, boxes: FloatArray, last: IntArray) -> IntArray:
+def edge_pairs(near: IntArray, starts: IntArray, bundles: FloatArray, boxes: FloatArray, last: IntArray) -> IntArray:
     """Return the pairs of edges, of bundles that meet, whose own boxes meet; without neighbours along a trace."""
     found, count = np.empty((4 * len(boxes) + 64, 2), dtype=np.int64), 0
     for n in range(len(near)):
@@ -223,6 +222,9 @@ def edge_pairs(near: IntArray, starts: IntArray, boxes: FloatArray, last: IntArr
             found = grown_rows(found, 2 * len(found))
         for i in range(starts[first], starts[first + 1]):
             x, y, z, u, v, w = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], boxes[i, 4], boxes[i, 5]
+            below = (bundles[second, 0] <= u) & (bundles[second, 1] <= v) & (bundles[second, 2] <= w)
+            if not below & (bundles[second, 3] >= x) & (bundles[second, 4] >= y) & (bundles[second, 5] >= z):
+                continue
             for j in range(max(starts[second], last[i] + 1), starts[second + 1]):
                 found[count, 0], found[count, 1] = i, j
                 below = (boxes[j, 0] <= u) & (boxes[j, 1] <= v) & (boxes[j, 2] <= w)
