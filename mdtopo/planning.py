@@ -47,6 +47,11 @@ class Setting:
         intact = BondState.intact(len(strands.edges))
         return cls(strands, config, BondLimits.of(reference, config), Traces.of(strands), intact)
 
+    def behind(self, bonds: BondState) -> "Setting":
+        """Return the setting of a run that goes on behind a frame with these bonds, which has been seen."""
+        traces = Traces.of(self.strands, np.flatnonzero(bonds.broken).tolist())
+        return replace(self, bonds=bonds, traces=traces, has_started=True)
+
     def all_edges(self, values: Lengths) -> Ratios:
         """Spread values of the edges that are left over all edges, as ratios to the reference; NaN where broken."""
         ratios = np.full((len(values), len(self.limits.reference)), np.nan)
@@ -91,6 +96,8 @@ class BlockPlan:
         Why a step cannot be measured, in words; empty where it can.
     limits : BondLimits
         When an edge counts as stretched or broken.
+    bonds : tuple of BondState
+        After the block's first frame, and after its last one.
     """
 
     block: FrameBlock
@@ -99,6 +106,7 @@ class BlockPlan:
     broken: tuple[BrokenEdge, ...]
     problems: tuple[str, ...]
     limits: BondLimits
+    bonds: tuple[BondState, BondState]
 
 
 def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]:
@@ -118,6 +126,7 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
     start = 0
     if not setting.has_started:
         setting, broken = _watch_first_frame(block, setting)
+    first = setting.bonds
     while start < block.n_steps:
         frames = _whole(block, problems, slice(start, None), setting)
         _note_winding(frames, start, setting, problems)
@@ -127,8 +136,9 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
         start += count
         broken += _newly_broken(block, start, ratios[start], after, setting)
         setting = _with_bonds(setting, after)
-    plan = BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), _step_problems(block, problems), setting.limits)
-    return plan, setting
+    found = _step_problems(block, problems)
+    bonds = first, setting.bonds
+    return BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), found, setting.limits, bonds), setting
 
 
 def _whole(block: FrameBlock, problems: Sequence[str], part: slice, setting: Setting) -> WholeFrames:

@@ -22,6 +22,7 @@ class Exit(IntEnum):
     ALERTS = 3
     BAD_INPUT = 4
     DIFFERS = 5
+    CHECKPOINT = 75  # EX_TEMPFAIL
     INTERRUPTED = 130  # 128 + SIGINT, as shells count
     BROKEN_PIPE = 141  # 128 + SIGPIPE
 
@@ -35,6 +36,8 @@ exit codes:
   4    bad input, or output that cannot be written; also a trajectory that
        could be read in part only (the results are kept, marked as incomplete)
   5    'mdtopo verify' found a difference
+  75   put down on a signal or --max-hours, with all that was measured: run the
+       same command again to go on
   130  interrupted from the keyboard
 """
 

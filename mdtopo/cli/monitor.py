@@ -3,8 +3,9 @@
 import argparse
 import logging
 import sys
+import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +89,12 @@ def run(arguments: argparse.Namespace) -> Exit:
     options = settled_options(arguments)
     inputs = [Path(arguments.topology), *(Path(part) for part in arguments.trajectory)]
     summary = run_job(inputs, options, argv=arguments.argv)
+    if summary.checkpoint:
+        say(
+            f"put down after {summary.n_steps} steps, because {summary.checkpoint}; they are in "
+            f"{options['out']}.parts, and the same command goes on with them."
+        )
+        return Exit.CHECKPOINT
     if summary.stopped:
         kept = f" The {summary.n_steps} steps before are in {summary.results}." if summary.results else ""
         say(f"the run stopped early: {summary.stopped}{kept}")
@@ -103,14 +110,17 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     MdtopoError
         As `mdtopo.pipeline.monitor` does.
     """
-    from mdtopo.pipeline import monitor
+    from mdtopo.pipeline import PartLength, StopRequest, monitor, stopping_on_signals
 
     _refuse_same_file(inputs, options)
     _refuse_report(options)
     config = MonitorConfig.from_mapping(knobs_of(dict(options)))
     to_stdout = options["alerts"] == "-"
     display = _Display(quiet=options["quiet"], bar=sys.stderr.isatty() and not (to_stdout and sys.stdout.isatty()))
-    with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]):
+    stop = StopRequest(options["max_hours"])
+    can_go_on = options["out"] is not None and threading.current_thread() is threading.main_thread()
+    signals = stopping_on_signals(stop) if can_go_on else nullcontext()
+    with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]), signals:
         summary = monitor(
             *inputs,
             select=options["select"],
@@ -124,7 +134,11 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
             overwrite=options["overwrite"],
             on_progress=display.show,
             argv=argv,
+            stop=stop,
+            parts=PartLength(options["part_steps"], options["part_minutes"]),
         )
+    if summary.checkpoint:
+        return summary
     if options["report"] is not None and summary.n_steps:
         _write_report(inputs, options)
     if not options["quiet"]:
@@ -213,7 +227,7 @@ def _interruptible(display: _Display, out: str | None) -> Iterator[None]:
     except KeyboardInterrupt as error:
         if out is not None and display.steps:
             error.add_note(
-                f"The {display.steps} steps measured until then are in {out}, which is marked as incomplete."
+                f"The {display.steps} steps measured until then are in {out}.parts; the same command goes on with them."
             )
         raise
 

@@ -1,12 +1,15 @@
 """The whole job: reader → blocks of frames → step tables → alerts → results. The only place where they meet."""
 
 from mdtopo.pipeline.framing import block_of, refuse_winding
-from mdtopo.pipeline.run import monitor
+from mdtopo.pipeline.run import PartLength, monitor
+from mdtopo.pipeline.stopping import StopRequest, stopping_on_signals
 from mdtopo.pipeline.tables import open_input, step_tables, steps, with_coordinate_error
 from mdtopo.pipeline.tally import Progress, Tally
 
 __all__ = [
+    "PartLength",
     "Progress",
+    "StopRequest",
     "Tally",
     "block_of",
     "monitor",
@@ -14,5 +17,6 @@ __all__ = [
     "refuse_winding",
     "step_tables",
     "steps",
+    "stopping_on_signals",
     "with_coordinate_error",
 ]

@@ -1,6 +1,6 @@
 """From a stream of frames to blocks that can be measured: what is read when, and which frames can be used."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from itertools import chain, islice
 
 import numpy as np
@@ -11,8 +11,18 @@ from mdtopo.readers import Reader
 from mdtopo.records import Frame, FrameBlock, Strands
 
 
-def lead_in(reader: Reader, frames: slice, n_reference: int) -> tuple[list[Frame], Iterator[Frame]]:
-    """Return the trajectory's first frames, and the stream of analysed frames; read once where they overlap."""
+def lead_in(
+    reader: Reader, frames: slice, n_reference: int, resume_at: int | None = None
+) -> tuple[list[Frame], Iterator[Frame]]:
+    """Return the trajectory's first frames, and the stream of analysed frames; read once where they overlap.
+
+    With `resume_at`, the stream begins with that frame, which is one of the analysed ones.
+    """
+    if resume_at is not None and reader.n_frames is None:  # a stream can be read once only, from its start
+        first, stream = lead_in(reader, frames, n_reference)
+        return first, (frame for frame in stream if frame.index >= resume_at)
+    if resume_at is not None:
+        frames = slice(resume_at, frames.stop, frames.step)
     from_start = frames.start in (None, 0) and frames.step in (None, 1)
     if from_start and (frames.stop is None or frames.stop >= n_reference or reader.n_frames is None):
         stream = reader.frames(frames.start, frames.stop, frames.step)
@@ -40,7 +50,9 @@ def _raising(failure: TrajectoryError | None) -> Iterator[Frame]:
     yield from ()
 
 
-def frame_blocks(frames: Iterator[Frame], block_steps: int, *, periodic: bool) -> Iterator[FrameBlock]:
+def frame_blocks(
+    frames: Iterator[Frame], block_steps: int, *, periodic: bool, first_step: int = 0
+) -> Generator[FrameBlock, None, None]:
     """Yield the frames in blocks that share one frame; a frame that cannot be used carries the reason.
 
     If the stream fails, the frames before the failure are yielded first, then the error is raised.
@@ -48,7 +60,7 @@ def frame_blocks(frames: Iterator[Frame], block_steps: int, *, periodic: bool) -
     carried = next(frames, None)
     if carried is None:
         return
-    first_step, failure = 0, None
+    failure = None
     while failure is None:
         taken, failure = _take(frames, block_steps)
         if not taken:

@@ -2,29 +2,42 @@
 
 import logging
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mdtopo.alerts import AlertStream
-from mdtopo.errors import TrajectoryError
+from mdtopo.errors import OutputError, TrajectoryError
 from mdtopo.pipeline.alertfile import AlertFile
+from mdtopo.pipeline.assembly import assemble
+from mdtopo.pipeline.output import Output, open_output
+from mdtopo.pipeline.stopping import StopRequest
 from mdtopo.pipeline.tables import (
     ALL_FRAMES,
+    Measured,
     check_frames,
     default_threads,
+    measured_blocks,
     open_input,
-    step_tables,
     with_coordinate_error,
 )
 from mdtopo.pipeline.tally import Progress, Tally
 from mdtopo.readers import Reader
 from mdtopo.records import Alert, MonitorConfig, RunSummary, Strands
-from mdtopo.store import ResultsWriter, collect_provenance
+from mdtopo.store import Head, PartsWriter, collect_provenance, discard, folder_of
 
 log = logging.getLogger("mdtopo")
+
+
+@dataclass(frozen=True, slots=True)
+class PartLength:
+    """How long a part of a running output may get: in steps, and in minutes."""
+
+    steps: int = 100_000
+    minutes: float = 10.0
 
 
 def monitor(
@@ -42,6 +55,9 @@ def monitor(
     on_alert: Callable[[Alert], None] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     argv: list[str] | None = None,
+    max_hours: float | None = None,
+    stop: StopRequest | None = None,
+    parts: PartLength | None = None,
 ) -> RunSummary:
     """Run the whole job over a trajectory: measure every step, raise alerts, write the results.
 
@@ -72,19 +88,27 @@ def monitor(
         Called with each `Alert`, and with a `Progress` after each block.
     argv : list of str, optional
         The command line, for the provenance.
+    max_hours : float, optional
+        After so many hours the run is put down; the same call goes on with it.
+    stop : StopRequest, optional
+        Asked after each block whether to put the run down; in place of `max_hours`.
+    parts : PartLength, optional
+        How often what was measured is made safe; results do not depend on it.
 
     Returns
     -------
     RunSummary
         The verdict and the counts. Where the trajectory could not be read to its end, `stopped` says why; what was read
-        until then is in the results, which are marked as incomplete.
+        until then is in the results, which are marked as incomplete. Where the run was put down, `checkpoint` says why;
+        the same call goes on with it.
 
     Raises
     ------
     InputError
         If the input cannot be opened or has no usable strands.
     OutputError
-        If an output exists already, or cannot be written.
+        If an output exists already, is being written by another process, belongs to a run with other input or settings,
+        or cannot be written. What was finished stays, and the same call goes on with it.
 
     Guarantee
     ---------
@@ -92,14 +116,14 @@ def monitor(
     did between the frames in truth is not known to anyone.
     """
     config, threads = config or MonitorConfig(), threads or default_threads()
+    stop = stop or StopRequest(max_hours)
     with ExitStack() as stack:
         opened = stack.enter_context(
             open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
         )
         check_frames(opened, frames)
         config = with_coordinate_error(config, opened)
-        alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite))
-        writer = None
+        paths, output = _paths(inputs), None
         if out is not None:
             request = {
                 "select": select,
@@ -107,14 +131,17 @@ def monitor(
                 "reader": reader,
                 "reader_options": dict(reader_options or {}),
             }
-            origin = collect_provenance(_paths(inputs), argv=argv or [], threads=threads)
-            writer = stack.enter_context(
-                ResultsWriter.create(Path(out), opened.strands, config, origin, request=request, overwrite=overwrite)
-            )
+            origin = collect_provenance(paths, argv=argv or [], threads=threads)
+            head = Head(opened.strands, config, origin, request)
+            output = open_output(stack, Path(out), head, overwrite=overwrite)
+        resumed = output is not None and output.resumed
+        alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite, resume=resumed))
         for note in opened.notes:
             log.info("%s", note)
-        job = _Job(opened, frames, config, threads, alert_file, writer, on_alert, on_progress)
-        return job.run(Path(out) if out is not None else None)
+        job = _Job(
+            opened, frames, config, threads, alert_file, output, on_alert, on_progress, stop, parts or PartLength()
+        )
+        return job.run(ahead=bool(paths))
 
 
 def _paths(inputs: tuple[Any, ...]) -> list[Path]:
@@ -130,43 +157,135 @@ class _Job:
     config: MonitorConfig
     threads: int
     alert_file: AlertFile
-    writer: ResultsWriter | None
+    output: Output | None
     on_alert: Callable[[Alert], None] | None
     on_progress: Callable[[Progress], None] | None
+    stop: StopRequest
+    part_length: PartLength
 
-    def run(self, results: Path | None) -> RunSummary:
-        tally, stopped = Tally(self.config), ""
-        stream = AlertStream(self.reader.strands, self.config)
-        total = _n_steps(self.reader.n_frames, self.frames)
-        self._say(stream.opening(), tally)
-        on_reference = self.writer.add_reference if self.writer is not None else None
-        tables = step_tables(
-            self.reader, frames=self.frames, config=self.config, threads=self.threads, on_reference=on_reference
-        )
-        try:
-            for table in tables:
+    def run(self, *, ahead: bool) -> RunSummary:
+        tally, stream = Tally(self.config), AlertStream(self.reader.strands, self.config)
+        self._say(stream.opening(), tally, again=self._is_resumed)
+        if self.output is not None:
+            for table in self.output.tables():
                 tally.add(table)
-                if self.writer is not None:
-                    self.writer.append(table)
-                self._say(stream.after(table), tally)
-                if self.on_progress is not None:
-                    self.on_progress(Progress(tally.counts.steps, total, sum(tally.alerts.values())))
-        except TrajectoryError as error:
-            stopped = str(error)
+                self._say(stream.after(table), tally, again=True)
+        stopped = checkpoint = ""
+        if self.output is None or not self.output.is_finished:
+            stopped, checkpoint = self._measure(tally, stream, ahead=ahead)
+        if checkpoint:
+            return replace(tally.summary(None, checkpoint), checkpoint=checkpoint)
         self._say(stream.finish(), tally)
-        summary = tally.summary(results, stopped)
-        if self.writer is not None:
-            self.writer.finish(summary.to_mapping(), complete=not stopped)
+        self.alert_file.finish()
+        return self._finish(tally, stopped)
+
+    @property
+    def _is_resumed(self) -> bool:
+        return self.output is not None and (self.output.is_finished or self.output.restart() is not None)
+
+    def _measure(self, tally: Tally, stream: AlertStream, *, ahead: bool) -> tuple[str, str]:
+        """Measure what is left; return why it ended before the last frame, and why it was put down, in words."""
+        blocks = measured_blocks(
+            self.reader,
+            frames=self.frames,
+            config=self.config,
+            threads=self.threads,
+            on_reference=self.output.note_reference if self.output is not None else None,
+            restart=self.output.restart() if self.output is not None else None,
+            ahead=ahead,
+        )
+        parts = self.output.parts if self.output is not None else None
+        with closing(blocks), _Shelf(parts, self.part_length) as shelf:
+            try:
+                for measured in blocks:
+                    self._take(measured, tally, stream, shelf)
+                    if self.stop.reason:
+                        return self._put_down()
+            except TrajectoryError as error:
+                return str(error), ""
+        return "", ""
+
+    def _take(self, measured: Measured, tally: Tally, stream: AlertStream, shelf: "_Shelf") -> None:
+        tally.add(measured.table)
+        shelf.append(measured)
+        self._say(stream.after(measured.table), tally)
+        shelf.close_if_due()
+        if self.on_progress is not None:
+            total = _n_steps(self.reader.n_frames, self.frames)
+            self.on_progress(Progress(tally.counts.steps, total, sum(tally.alerts.values())))
+
+    def _put_down(self) -> tuple[str, str]:
+        """Return what is said of a run that is asked to stop: it can go on only where its input has a name."""
+        if self.output is None or not self.output.head.provenance.inputs:
+            return self.stop.reason, ""
+        return "", self.stop.reason
+
+    def _finish(self, tally: Tally, stopped: str) -> RunSummary:
+        if self.output is None:
+            return tally.summary(None, stopped)
+        path, parts = self.output.path, self.output.parts
+        if parts is None:
+            return tally.summary(path, stopped)
+        bonds = self.output.bonds(len(self.reader.strands.edges))
+        try:
+            summary = assemble(
+                path,
+                self.output.head,
+                self.output.tables(),
+                bonds,
+                stopped=stopped,
+                overwrite=self.output.overwrite,
+                folder=folder_of(path),
+            )
+        except OutputError as error:
+            raise OutputError(
+                f"{error} All {tally.counts.steps} steps are safe in {folder_of(path)}; run the same command again."
+            ) from error
+        discard(path)
         return summary
 
-    def _say(self, alerts: Iterator[Alert], tally: Tally) -> None:
+    def _say(self, alerts: Iterator[Alert], tally: Tally, *, again: bool = False) -> None:
         for alert in alerts:
             tally.alerts[alert.severity] += 1
-            self.alert_file.write(alert)
-            if self.writer is not None:
-                self.writer.append_alert(alert)
+            self.alert_file.write(alert, again=again)
+            if again:
+                continue
+            if self.output is not None and self.output.parts is not None:
+                self.output.parts.append_alert(alert)
             if self.on_alert is not None:
                 self.on_alert(alert)
+
+
+class _Shelf:
+    """Puts measured blocks into parts, and closes one when it is long enough or the run ends, however it ends."""
+
+    def __init__(self, parts: PartsWriter | None, length: PartLength) -> None:
+        self._parts = parts
+        self._length = length
+        self._begun = time.monotonic()
+
+    def append(self, measured: Measured) -> None:
+        if self._parts is not None:
+            self._parts.append(measured.table, *measured.bonds)
+
+    def close_if_due(self) -> None:
+        if self._parts is None:
+            return
+        age = time.monotonic() - self._begun
+        if self._parts.n_open >= self._length.steps or age >= 60.0 * self._length.minutes:
+            self._parts.close_part()
+            self._begun = time.monotonic()
+
+    def __enter__(self) -> "_Shelf":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._parts is None:
+            return
+        if kind is not None and issubclass(kind, OutputError):
+            self._parts.abandon_part()
+        else:
+            self._parts.close_part()
 
 
 def _n_steps(n_frames: int | None, frames: slice) -> int | None:

@@ -2,16 +2,18 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mdtopo.bonds import reference_lengths
+from mdtopo.bonds import BondState, reference_lengths
 from mdtopo.errors import InputError, TrajectoryError
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import measure_plan
+from mdtopo.pipeline.ahead import read_ahead
 from mdtopo.pipeline.framing import frame_blocks, lead_in, refuse_winding
 from mdtopo.planning import BlockPlan, Setting, plan_block, reference_samples
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
@@ -98,12 +100,46 @@ def step_tables(
     threads: int | None = None,
     on_reference: Callable[[ReferenceLengths], None] | None = None,
 ) -> Iterator[StepTable]:
+    """Yield the measures of all steps of a reader's frames, block by block and in order; see `measured_blocks`."""
+    blocks = measured_blocks(reader, frames=frames, config=config, threads=threads, on_reference=on_reference)
+    return (measured.table for measured in blocks)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The steps of a block, and the bonds after its first frame and after its last one."""
+
+    table: StepTable
+    bonds: tuple[BondState, BondState]
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """Where a run goes on: its next step, the frame that this step begins with, and the bonds after that frame."""
+
+    step: int
+    frame: int
+    bonds: BondState
+
+
+def measured_blocks(
+    reader: Reader,
+    *,
+    frames: slice = ALL_FRAMES,
+    config: MonitorConfig,
+    threads: int | None = None,
+    on_reference: Callable[[ReferenceLengths], None] | None = None,
+    restart: Restart | None = None,
+    ahead: bool = False,
+) -> Generator[Measured, None, None]:
     """Yield the measures of all steps of a reader's frames, block by block and in order.
+
+    Memory is bounded: at most two blocks wait to be measured, and one for each thread is being measured or is done.
 
     Parameters
     ----------
     reader : Reader
-        Read by the calling thread alone.
+        Read by one thread at a time.
     frames : slice
         Which frames are analysed.
     config : MonitorConfig
@@ -112,6 +148,10 @@ def step_tables(
         depend on it, bit for bit.
     on_reference : callable, optional
         Called with the reference lengths of the edges before the first table.
+    restart : Restart, optional
+        Where to go on; by default at the first of `frames`.
+    ahead : bool
+        Whether a thread of its own reads frames ahead. Not for an object of somebody who may use it meanwhile.
 
     Raises
     ------
@@ -121,7 +161,8 @@ def step_tables(
         When a frame cannot be read; the steps before it have been yielded by then.
     """
     check_frames(reader, frames)
-    first, stream = lead_in(reader, frames, config.reference_frames)
+    resume_at = None if restart is None else restart.frame
+    first, stream = lead_in(reader, frames, config.reference_frames, resume_at)
     if not first:
         next(stream, None)  # raises what kept the first frame from being read
         return
@@ -131,8 +172,12 @@ def step_tables(
         on_reference(reference)
     refuse_winding(first[0], reader.strands)
     setting = Setting.start(reader.strands, config, reference)
-    blocks = frame_blocks(stream, config.block_steps, periodic=first[0].cell is not None)
-    yield from _measured(_planned(blocks, setting), setting, threads or default_threads())
+    if restart is not None:
+        setting = setting.behind(restart.bonds)
+    periodic, first_step = first[0].cell is not None, 0 if restart is None else restart.step
+    blocks = frame_blocks(stream, config.block_steps, periodic=periodic, first_step=first_step)
+    with closing(read_ahead(blocks) if ahead else blocks) as ready:
+        yield from _measured(_planned(ready, setting), setting, threads or default_threads())
 
 
 def check_frames(reader: Reader, frames: slice) -> None:
@@ -155,29 +200,38 @@ def _planned(blocks: Iterator[FrameBlock], setting: Setting) -> Iterator[BlockPl
         yield plan
 
 
-def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Iterator[StepTable]:
+def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Iterator[Measured]:
     """Yield the tables of the plans, in order, measured by threads while the next plans are made.
 
-    At most two blocks per thread are held, so that a fast reader does not fill the memory. If making a plan fails, the
-    tables before it are yielded first.
+    If making a plan fails, the tables before it are yielded first. If measuring one fails, or nobody wants more, what
+    has not begun is not begun.
     """
-    waiting: deque[Future[StepTable]] = deque()
+    waiting: deque[tuple[BlockPlan, Future[StepTable]]] = deque()
     failure: TrajectoryError | None = None
-    with ThreadPoolExecutor(threads, thread_name_prefix="mdtopo") as pool:
-        while True:
+    pool = ThreadPoolExecutor(threads, thread_name_prefix="mdtopo")
+    try:
+        while failure is None:
             try:
                 plan = next(plans, None)
             except TrajectoryError as error:
-                plan, failure = None, error
+                failure = error
+                break
             if plan is None:
                 break
-            waiting.append(pool.submit(measure_plan, plan, setting.strands, setting.config))
-            while len(waiting) > 2 * threads or (waiting and waiting[0].done()):
-                yield waiting.popleft().result()
+            waiting.append((plan, pool.submit(measure_plan, plan, setting.strands, setting.config)))
+            while len(waiting) > threads or (waiting and waiting[0][1].done()):
+                yield _next_measured(waiting)
         while waiting:
-            yield waiting.popleft().result()
+            yield _next_measured(waiting)
+    finally:
+        pool.shutdown(cancel_futures=True)
     if failure is not None:
         raise failure
+
+
+def _next_measured(waiting: deque[tuple[BlockPlan, Future[StepTable]]]) -> Measured:
+    plan, future = waiting.popleft()
+    return Measured(future.result(), plan.bonds)
 
 
 def default_threads() -> int:

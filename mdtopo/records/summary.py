@@ -96,6 +96,8 @@ class RunSummary:
         The results file.
     stopped : str
         Why the run ended before its last frame, in words; empty where it did not.
+    checkpoint : str
+        Why the run was put down, so that the same command goes on with it; empty where it was not.
     """
 
     verdict: RunVerdict
@@ -109,6 +111,7 @@ class RunSummary:
     ratio_step: int
     results: Path | None = None
     stopped: str = ""
+    checkpoint: str = ""
 
     @property
     def n_steps(self) -> int:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import AuditError
-from mdtopo.records import Alert, Crossings, StepTable
+from mdtopo.records import Alert, Crossings, StepTable, Stretches
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, Layout, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, PROBLEMS, STRETCHES, Layout, column_dtype
 
 
 class StepColumns:
@@ -112,6 +112,56 @@ class AlertColumns:
         """Write the alerts that are held back."""
         for name, layout in ALERTS.items():
             extend(self._group[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype))
+        self._held = []
+
+
+class StretchColumns:
+    """The datasets of /stretches, and the rows that are not written yet."""
+
+    def __init__(self, group: h5py.Group) -> None:
+        self._group = group
+        self._held: list[Stretches] = []
+        for name, layout in STRETCHES.items():
+            create_column(group, name, layout)
+
+    def append(self, stretches: Stretches) -> bool:
+        """Take some rows; True if some were written."""
+        if len(stretches.step):
+            self._held.append(stretches)
+        if sum(len(table.step) for table in self._held) < CHUNK_ROWS:
+            return False
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Write the rows that are held back."""
+        for name in STRETCHES if self._held else ():
+            extend(self._group[name], np.concatenate([getattr(table, name) for table in self._held]))
+        self._held = []
+
+
+class ProblemColumns:
+    """The datasets of /problems, and the rows that are not written yet."""
+
+    def __init__(self, group: h5py.Group) -> None:
+        self._group = group
+        self._held: list[tuple[int, str]] = []
+        for name, layout in PROBLEMS.items():
+            create_column(group, name, layout)
+
+    def append(self, table: StepTable) -> bool:
+        """Take what is wrong with the steps of a table; True if some of it was written."""
+        numbered = enumerate(table.problems, start=table.first_step)
+        self._held += [(step, storable_text(problem)) for step, problem in numbered if problem]
+        if len(self._held) < CHUNK_ROWS:
+            return False
+        self.flush()
+        return True
+
+    def flush(self) -> None:
+        """Write the rows that are held back."""
+        for name, values in zip(PROBLEMS, zip(*self._held, strict=True), strict=False):
+            extend(self._group[name], np.array(values, PROBLEMS[name].dtype))
         self._held = []
 
 

@@ -3,7 +3,8 @@
 import json
 import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from mdtopo.bonds import BondState
 from mdtopo.errors import InputError, MissingFileError
 from mdtopo.notebook import html_table, plot_steps, steps_dataframe
 from mdtopo.records import (
@@ -26,6 +28,7 @@ from mdtopo.records import (
     Strands,
     VertexLabels,
 )
+from mdtopo.store.bondstates import bonds_from_mapping
 from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, SCHEMA, TEXT
 from mdtopo.typing import JsonObject
 
@@ -61,7 +64,12 @@ class Results:
     reference : ReferenceLengths or None
         Lengths of the edges at the start, where the file has them.
     broken : tuple of BrokenEdge
-        Edges that broke.
+        Edges that broke; of step -1 where that was before the first step.
+    bonds : tuple of BondState, or None
+        Which edges were broken, or on the way to it, after the first frame and after the last one; None where the file
+        does not say.
+    in_progress : bool
+        Whether these are the finished parts of a run that has not ended.
     """
 
     schema: int
@@ -77,6 +85,8 @@ class Results:
     strands: Strands
     reference: ReferenceLengths | None
     broken: tuple[BrokenEdge, ...]
+    bonds: tuple[BondState, BondState] | None = None
+    in_progress: bool = False
 
     def plot(self, ax: Any = None) -> "Axes":
         """Return matplotlib axes with clearance, ratio, limit and alerts over time; see `plot_steps`."""
@@ -122,11 +132,24 @@ def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | Non
         If it is no results file, is damaged, has a newer schema, or has no column of that name.
     """
     path = Path(path)
+    with opened_results(path) as file:
+        return _contents(path, file, columns)
+
+
+@contextmanager
+def opened_results(path: Path) -> Iterator[h5py.File]:
+    """Open a results file for reading, without a lock; what goes wrong with it meanwhile is said in one sentence.
+
+    Raises
+    ------
+    InputError
+        As `read_results`.
+    """
     _check_is_hdf5(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             _check_schema(path, file)
-            return _contents(path, file, columns)
+            yield file
     except InputError:  # is an OSError or ValueError too, and says more
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
@@ -154,7 +177,7 @@ def _check_schema(path: Path, file: h5py.File) -> None:
 
 
 def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> Results:
-    strands = _strands(file["strands"])
+    strands = stored_strands(file["strands"])
     return Results(
         schema=int(file.attrs["schema"]),
         complete=bool(file.attrs["complete"]),
@@ -168,7 +191,8 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> R
         alerts=_alerts(file["alerts"]),
         strands=strands,
         reference=_reference(file["strands"]),
-        broken=_broken(file["strands"]),
+        broken=broken_edges(file["strands"]),
+        bonds=_bonds(file["strands"], len(strands.edges)),
     )
 
 
@@ -177,18 +201,19 @@ def _steps(path: Path, group: h5py.Group, columns: Collection[str] | None) -> di
     for name in wanted:
         if name not in group:
             raise InputError(f"{path} has no step column {name!r}; it has {', '.join(group)}.")
-    return {name: _plain(group[name]) for name in wanted}
+    return {name: plain_values(group[name]) for name in wanted}
 
 
-def _plain(dataset: h5py.Dataset) -> NDArray[Any]:
-    values: NDArray[Any] = dataset[()]
+def plain_values(dataset: h5py.Dataset, rows: slice = slice(None)) -> NDArray[Any]:
+    """Return rows of a dataset, enums as int8 codes."""
+    values: NDArray[Any] = dataset[rows]
     return values.view(np.int8) if h5py.check_enum_dtype(dataset.dtype) else values
 
 
 def _crossings(group: h5py.Group | None, strands: Strands) -> Crossings:
     if group is None:  # written by a version that located none
         return Crossings.none()
-    return Crossings(strands=strands, **{name: _plain(group[name]) for name in CROSSINGS})
+    return Crossings(strands=strands, **{name: plain_values(group[name]) for name in CROSSINGS})
 
 
 def _texts(dataset: h5py.Dataset) -> list[str]:
@@ -212,7 +237,8 @@ def _alert(row: dict[str, Any]) -> Alert:
     return Alert(**{**row, **lists, **numbers, **enums})
 
 
-def _strands(group: h5py.Group) -> Strands:
+def stored_strands(group: h5py.Group) -> Strands:
+    """Return the strands of a results file."""
     texts = {
         name: np.array(_texts(group[f"vertex_{name}"]), dtype=np.str_) for name in ("chain", "icode", "resname", "name")
     }
@@ -242,7 +268,15 @@ def _reference(group: h5py.Group) -> ReferenceLengths | None:
     return ReferenceLengths(dataset[()], float(median), float(spread), int(n_frames))
 
 
-def _broken(group: h5py.Group) -> tuple[BrokenEdge, ...]:
+def _bonds(group: h5py.Group, n_edges: int) -> tuple[BondState, BondState] | None:
+    if "bonds_end" not in group.attrs:
+        return None
+    start, end = (bonds_from_mapping(json.loads(group.attrs[name]), n_edges) for name in ("bonds_start", "bonds_end"))
+    return start, end
+
+
+def broken_edges(group: h5py.Group) -> tuple[BrokenEdge, ...]:
+    """Return the edges that broke; of step -1 where that was before the first step."""
     columns = [group[name][()].tolist() for name in BROKEN]
     return tuple(
         BrokenEdge(step, frame, tuple(edge), ratio, limit)

@@ -6,6 +6,8 @@ group      holds
 /steps     one dataset for each column of `StepTable`, one row for each step; attribute ``first_step``
 /crossings one dataset for each column of `Crossings`, one row for each crossing, by step and time
 /alerts    one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
+/stretches edges beyond their stretch limit, one row for each edge and step
+/problems  steps with a frame that cannot be used, one row each
 /strands   which vertices form which strand, how they are called, reference lengths, broken edges
 ========== ==============================================================================================
 
@@ -99,6 +101,20 @@ ALERTS = {
     "message": Layout(TEXT, "the event in one sentence"),
 }
 """The fields of the JSON lines, in their order."""
+
+STRETCHES = {
+    "step": Layout(np.int64, "the step at whose end the edge was longer than its stretch limit"),
+    "edge": Layout(np.int64, "the two vertices of the edge, in strand order", row_shape=(2,)),
+    "ratio": Layout(np.float64, "length over reference length"),
+    "limit": Layout(np.float64, "the stretch limit, as such a ratio"),
+}
+"""The columns of `Stretches`; with them alerts can be raised again from a file."""
+
+PROBLEMS = {
+    "step": Layout(np.int64, "the step"),
+    "text": Layout(TEXT, "what is wrong with one of its frames"),
+}
+"""Steps that could not be measured."""
 
 STRANDS = {
     "offsets": Layout(np.int64, "strand s holds the vertices offsets[s] to offsets[s + 1] - 1"),

@@ -2,9 +2,8 @@
 
 import json
 import os
-import secrets
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -12,12 +11,17 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
+from mdtopo.bonds import BondState
 from mdtopo.errors import OutputError
 from mdtopo.records import Alert, BrokenEdge, MonitorConfig, ReferenceLengths, StepTable, Strands
+from mdtopo.store.atomic import check_target, failed, partial_name, sync_directory
+from mdtopo.store.bondstates import bonds_to_mapping
 from mdtopo.store.columns import (
     AlertColumns,
     CrossingColumns,
+    ProblemColumns,
     StepColumns,
+    StretchColumns,
     create_column,
     extend,
     storable_text,
@@ -68,6 +72,8 @@ class ResultsWriter:
         self._steps = StepColumns(self._file.create_group("steps"))
         self._crossings = CrossingColumns(self._file.create_group("crossings"))
         self._alerts = AlertColumns(self._file.create_group("alerts"))
+        self._stretches = StretchColumns(self._file.create_group("stretches"))
+        self._problems = ProblemColumns(self._file.create_group("problems"))
 
     @classmethod
     def create(
@@ -79,6 +85,7 @@ class ResultsWriter:
         *,
         request: Mapping[str, Any] | None = None,
         overwrite: bool = False,
+        folder: Path | None = None,
     ) -> Self:
         """Return a writer for a new file.
 
@@ -93,19 +100,20 @@ class ResultsWriter:
             (start, stop, step), ``reader`` and ``reader_options``. Values that JSON does not know are stored as text.
         overwrite : bool
             Whether a file of that name may be replaced.
+        folder : Path, optional
+            Where the file grows until it is whole, a directory of the same file system; by default beside it.
 
         Raises
         ------
         OutputError
             If the target exists and may not be replaced, or its directory is missing or cannot be written to.
         """
-        _check_target(path, overwrite=overwrite)
-        # random, because in containers a killed run and its successor often have the same process id
-        partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
+        check_target(path, overwrite=overwrite)
+        partial = partial_name(path, folder)
         try:
             descriptor = os.open(partial, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
         except OSError as error:
-            raise _failed(path, error) from error
+            raise failed(path, error) from error
         writer = cls(path, partial, descriptor, strands, provenance, overwrite)
         try:
             writer._begin(config, request or {})
@@ -136,6 +144,7 @@ class ResultsWriter:
         """
         self._check_open()
         written = self._steps.append(table) | self._crossings.append(table.crossings)
+        written |= self._stretches.append(table.stretches) | self._problems.append(table)
         self._broken.extend(table.broken)
         if written:
             self._flush()
@@ -167,6 +176,24 @@ class ResultsWriter:
             group["reference_length"].attrs[name] = getattr(reference, name)
         self._flush()
 
+    def add_bonds(self, start: BondState, end: BondState) -> None:
+        """Store which edges were broken, or on the way to it, after the first and after the last frame of the steps.
+
+        Who goes on behind the last frame, or joins two files there, must know it.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; nothing stays behind then.
+        """
+        self._check_open()
+        for name, state in (("bonds_start", start), ("bonds_end", end)):
+            self._file["strands"].attrs[name] = json.dumps(bonds_to_mapping(state))
+
+    def inherit(self, broken: Iterable[BrokenEdge]) -> None:
+        """Add edges that had broken before the first step; they are stored as of step -1."""
+        self._broken.extend(replace(edge, step=-1) for edge in broken)
+
     def finish(self, summary: Mapping[str, Any], *, complete: bool = True) -> None:
         """Write what is held back, then `complete`, then give the file its name.
 
@@ -189,6 +216,8 @@ class ResultsWriter:
         self._steps.flush()
         self._crossings.flush()
         self._alerts.flush()
+        self._stretches.flush()
+        self._problems.flush()
         write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
         # default=str: a value that JSON does not know must not cost the run
         self._file.attrs["summary"] = json.dumps(summary, default=str)
@@ -219,7 +248,7 @@ class ResultsWriter:
     def _check_disk(self) -> None:
         if self._guard.error is not None:
             self.abort()
-            raise _failed(self._path, self._guard.error) from self._guard.error
+            raise failed(self._path, self._guard.error) from self._guard.error
 
     def _close(self) -> None:
         self._file.close()
@@ -240,8 +269,8 @@ class ResultsWriter:
         try:
             self._partial.replace(self._path)
         except OSError as error:
-            raise OutputError(f"{_failed(self._path, error)} The results are in {self._partial}.") from error
-        _sync_directory(self._path.parent)
+            raise OutputError(f"{failed(self._path, error)} The results are in {self._partial}.") from error
+        sync_directory(self._path.parent)
 
     def __enter__(self) -> Self:
         return self
@@ -284,28 +313,3 @@ def _write_strands(group: h5py.Group, strands: Strands) -> None:
 def _broken_columns(broken: Iterable[BrokenEdge]) -> dict[str, list[Any]]:
     edges = list(broken)
     return {name: [getattr(edge, name.removeprefix("broken_")) for edge in edges] for name in BROKEN}
-
-
-def _check_target(path: Path, *, overwrite: bool) -> None:
-    if path.is_dir():
-        raise OutputError(f"{path} is a directory; give the name of a file.")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path} exists already; give --overwrite to replace it, or another name.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path} cannot be written, because the directory {path.parent} does not exist.")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise OutputError(f"{path} cannot be written, because {path.parent} does not allow it to this user.")
-
-
-def _failed(path: Path, error: OSError) -> OutputError:
-    return OutputError(f"{path} cannot be written ({error.strerror or error}).")
-
-
-def _sync_directory(directory: Path) -> None:
-    # some file systems cannot; the file itself is on the disk all the same
-    with suppress(OSError):
-        descriptor = os.open(directory, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)

@@ -36,6 +36,7 @@ from mdtopo.store import (
     SCHEMA,
     Provenance,
     ResultsWriter,
+    atomic,
     collect_provenance,
     columns,
     fingerprint,
@@ -166,7 +167,7 @@ def test_every_column_comes_back(tmp_path):
 
 def test_a_column_says_what_it_is(tmp_path):
     with h5py.File(write(tmp_path / "run.h5", step_table(3))) as file:
-        assert set(file) == {"steps", "crossings", "alerts", "strands"}
+        assert set(file) == {"steps", "crossings", "alerts", "stretches", "problems", "strands"}
         for column in StepTable.columns():
             dataset = file["steps"][column.name]
             assert dataset.attrs["unit"] == column.unit
@@ -494,7 +495,7 @@ def test_the_target_is_looked_at_first(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="too long"):
         create(tmp_path / ("x" * 250))
     # a test may run as root, who may write everywhere
-    monkeypatch.setattr(writer.os, "access", lambda path, mode: False)
+    monkeypatch.setattr(atomic.os, "access", lambda path, mode: False)
     with pytest.raises(OutputError, match="does not allow it"):
         create(tmp_path / "run.h5")
 

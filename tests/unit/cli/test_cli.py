@@ -10,6 +10,7 @@ import mdtopo
 from mdtopo.cli import COMMANDS, main
 from mdtopo.cli.exits import Exit
 from mdtopo.errors import AuditError
+from mdtopo.store import read_running
 
 NAMES = (
     "demo",
@@ -129,10 +130,10 @@ def test_an_interrupt_exits_with_130_and_keeps_what_was_measured(
     outcome = cli("monitor", npz(), "--block-steps", 4, "-o", out)
     assert outcome.code == Exit.INTERRUPTED
     assert outcome.err.splitlines()[-1] == (
-        f"mdtopo: interrupted. The 4 steps measured until then are in {out}, which is marked as incomplete."
+        f"mdtopo: interrupted. The 4 steps measured until then are in {out}.parts; the same command goes on with them."
     )
-    results = mdtopo.read_results(out)
-    assert not results.complete
+    results = read_running(out)
+    assert (results.complete, results.in_progress) == (False, True)
     assert len(results.steps["verdict"]) == 4
 
 

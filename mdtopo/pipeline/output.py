@@ -1,0 +1,222 @@
+"""The output of a run: new, gone on with, or finished already."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mdtopo.bonds import BondState
+from mdtopo.errors import InputError, OutputError
+from mdtopo.pipeline.tables import Restart
+from mdtopo.records import ReferenceLengths, StepTable
+from mdtopo.store import (
+    Head,
+    OutputLock,
+    PartsWriter,
+    differences,
+    discard,
+    finished_parts,
+    folder_of,
+    make_folder,
+    part_tables,
+    read_results,
+    read_state,
+    remove_folder,
+    stored_tables,
+)
+from mdtopo.store.atomic import check_target
+
+log = logging.getLogger("mdtopo")
+
+
+@dataclass(slots=True)
+class Output:
+    """An output that this run may write, and what earlier runs have left of it.
+
+    Attributes
+    ----------
+    path : Path
+        The results file.
+    head : Head
+        What it begins with.
+    parts : PartsWriter or None
+        None where the results file is finished already.
+    resumed : bool
+        Whether an earlier run was begun with the same input and settings.
+    """
+
+    path: Path
+    head: Head
+    parts: PartsWriter | None
+    resumed: bool
+    overwrite: bool
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the results file holds this run already."""
+        return self.parts is None
+
+    def restart(self) -> Restart | None:
+        """Return where to go on behind the finished parts; None at the beginning."""
+        if self.parts is None or not self.parts.parts:
+            return None
+        last = self.parts.parts[-1]
+        return Restart(last.next_step, last.last_frame, last.bonds[1])
+
+    def tables(self) -> Iterator[StepTable]:
+        """Yield what has been measured already."""
+        return stored_tables(self.path) if self.is_finished else part_tables(self.path)
+
+    def bonds(self, n_edges: int) -> tuple[BondState, BondState]:
+        """Return the bonds at the first and at the last frame of the finished parts."""
+        parts = self.parts.parts if self.parts is not None else []
+        if not parts:
+            return BondState.intact(n_edges), BondState.intact(n_edges)
+        return parts[0].bonds[0], parts[-1].bonds[1]
+
+    def note_reference(self, reference: ReferenceLengths) -> None:
+        """Keep the reference lengths for the files to come; refuse to go on behind parts that have others.
+
+        Raises
+        ------
+        OutputError
+            If they differ: the beginning of the trajectory is not what it was.
+        """
+        self.head = replace(self.head, reference=reference)
+        if self.parts is None:
+            return
+        self.parts.head = self.head
+        if self.parts.parts:
+            stored = read_results(self.parts.parts[0].path, columns=()).reference
+            if stored is None or stored.lengths.tobytes() != reference.lengths.tobytes():
+                raise OutputError(
+                    f"{self.path} was begun with a trajectory whose first frames were others; give --overwrite to "
+                    "begin again."
+                )
+
+
+def open_output(stack: ExitStack, path: Path, head: Head, *, overwrite: bool) -> Output:
+    """Return the output, locked until the stack unwinds.
+
+    Raises
+    ------
+    OutputError
+        If it exists and is of another run, another process is writing it, or nothing can be written there.
+    """
+    check_target(path, overwrite=True)
+    if path.exists() and not overwrite and read_state(path) is None and not _holds(path, head):
+        check_target(path, overwrite=False)
+    make_folder(path)
+    lock = OutputLock(folder_of(path) / "lock", path)
+    stack.push(_Leaving(path, lock))
+    state = read_state(path)
+    if state is not None and _is_of(path, state):  # killed while it tidied up
+        discard(path)
+        state = None
+    if path.exists() and not overwrite:
+        if state is None and _holds(path, head):
+            log.info("%s holds this run already, and is complete; nothing is measured.", path)
+            return Output(path, head, None, resumed=True, overwrite=overwrite)
+        check_target(path, overwrite=False)
+    resumed = state is not None and _may_go_on(path, state, head, overwrite=overwrite)
+    if not resumed:
+        _clear(path, overwrite=overwrite)
+    started = head.provenance.started
+    if state is not None and resumed:
+        started = state["started"]
+        head = replace(head, provenance=replace(head.provenance, started=started))
+    parts = PartsWriter(path, head, started, finished_parts(path) if resumed else [])
+    if state is not None and resumed:
+        _check_all_there(path, state, parts)
+    parts.begin()
+    if resumed and parts.parts:
+        log.info("%s: going on behind step %d, which an earlier run has reached.", path, parts.parts[-1].next_step - 1)
+    return Output(path, head, parts, resumed, overwrite)
+
+
+@dataclass(frozen=True, slots=True)
+class _Leaving:
+    """Lets go of an output; where nothing is left to go on with, the directory of its parts goes too."""
+
+    path: Path
+    lock: OutputLock
+
+    def __enter__(self) -> None:
+        return
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        folder = folder_of(self.path)
+        has_parts = any(folder.glob("part-*.h5"))
+        has_state = (folder / "state.json").exists() and not (kind is not None and issubclass(kind, InputError))
+        if not has_parts and not has_state:
+            remove_folder(self.path)  # with the lock in it
+        self.lock.release()
+
+
+def _may_go_on(path: Path, state: dict[str, object], head: Head, *, overwrite: bool) -> bool:
+    """Return whether an unfinished run is this one; False where it may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If it is another one, and may not be replaced: names what differs.
+    """
+    found = list(differences(state, head.identity()))
+    if not head.provenance.inputs:
+        found.append("it is read from an object in memory, which cannot be recognised")
+    if not found:
+        return True
+    if overwrite:
+        return False
+    raise OutputError(
+        f"{folder_of(path)} holds an unfinished run that is not this one: {'; '.join(found)}. Give the earlier values "
+        "to go on with it, --overwrite to begin again, or another output."
+    )
+
+
+def _clear(path: Path, *, overwrite: bool) -> None:
+    if not overwrite and any(folder_of(path).glob("part-*.h5")):
+        raise OutputError(
+            f"{folder_of(path)} holds parts of a run, but no state.json; restore it, or give --overwrite to begin "
+            "again."
+        )
+    discard(path)
+
+
+def _check_all_there(path: Path, state: dict[str, object], parts: PartsWriter) -> None:
+    listed = state["parts"]
+    assert isinstance(listed, list)
+    there = {part.path.name for part in parts.parts}
+    for entry in listed:
+        if entry["name"] not in there:
+            raise OutputError(
+                f"{folder_of(path) / entry['name']} is missing; restore it, or give --overwrite to begin again."
+            )
+
+
+def _identity_of(path: Path) -> dict[str, object] | None:
+    """Return what a complete results file was made from; None where it is none."""
+    try:
+        found = read_results(path, columns=())
+    except InputError:
+        return None
+    if not found.complete:
+        return None
+    inputs, version = found.provenance["inputs"], found.provenance["versions"].get("mdtopo")
+    return {"version": version, "config": found.config, "request": found.request, "inputs": inputs}
+
+
+def _holds(path: Path, head: Head) -> bool:
+    """Return whether a results file is complete and is of this very run."""
+    stored = _identity_of(path)
+    return stored is not None and bool(stored["inputs"]) and _same(stored, head.identity())
+
+
+def _is_of(path: Path, state: dict[str, object]) -> bool:
+    stored = _identity_of(path) if path.exists() else None
+    return stored is not None and bool(stored["inputs"]) and _same(stored, state)
+
+
+def _same(stored: dict[str, object], asked: dict[str, object]) -> bool:
+    return not any(differences({**stored, "version": asked["version"]}, asked))

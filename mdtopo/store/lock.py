@@ -1,0 +1,109 @@
+"""One writer for one output: a lock that dies with its process."""
+
+import errno
+import fcntl
+import json
+import os
+import socket
+from pathlib import Path
+from typing import Self
+
+from mdtopo.errors import OutputError
+
+HELD: set[Path] = set()
+"""Locks of this process: to the system a process never stands in its own way."""
+
+UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
+"""What file systems answer that have no locks."""
+
+
+class OutputLock:
+    """Held from its making until `release`, or until the process ends.
+
+    The system's record lock, which shared file systems know too, decides; the file says who holds it. Where there are
+    no locks, only a writer on the same machine that is still alive is noticed.
+
+    Parameters
+    ----------
+    path : Path
+        The lock file; made where it is missing.
+    output : Path
+        What is locked, for the message.
+
+    Raises
+    ------
+    OutputError
+        If somebody else holds it: says who.
+    """
+
+    def __init__(self, path: Path, output: Path) -> None:
+        self._path = path.resolve()
+        if self._path in HELD:
+            raise OutputError(f"{output} is being written by another run of this process; wait for it.")
+        self._file = _locked(self._path, output)
+        while not _is_named(self._file, self._path):  # its holder removed it between our opening and our locking
+            os.close(self._file)
+            self._file = _locked(self._path, output)
+        os.ftruncate(self._file, 0)
+        text = json.dumps({"host": socket.gethostname(), "pid": os.getpid()})
+        os.pwrite(self._file, text.encode(), 0)
+        HELD.add(self._path)
+
+    def release(self) -> None:
+        """Let go of it, and remove the file. A second time it does nothing."""
+        if self._path in HELD:
+            HELD.discard(self._path)
+            self._path.unlink(missing_ok=True)
+            os.close(self._file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+
+def _locked(path: Path, output: Path) -> int:
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        holder = _holder(descriptor)
+        if error.errno not in UNSUPPORTED or _lives_here(holder):
+            os.close(descriptor)
+            raise _refusal(output, holder) from error
+    return descriptor
+
+
+def _is_named(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def _holder(descriptor: int) -> tuple[str, int]:
+    try:
+        found = json.loads(os.pread(descriptor, 4096, 0))
+        return str(found["host"]), int(found["pid"])
+    except (ValueError, KeyError, TypeError, OSError):
+        return "", 0
+
+
+def _lives_here(holder: tuple[str, int]) -> bool:
+    host, pid = holder
+    if host != socket.gethostname() or pid in (0, os.getpid()):
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _refusal(output: Path, holder: tuple[str, int]) -> OutputError:
+    host, pid = holder
+    who = f"process {pid} on {host}" if pid else "another process"
+    return OutputError(f"{output} is being written by {who}; wait for it, stop it, or choose another output.")

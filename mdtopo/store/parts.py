@@ -1,0 +1,259 @@
+"""An output that is being written: immutable parts beside it, and a small file that says how far they go.
+
+``<out>.parts`` holds ``part-<first step>.h5``, each a results file of its own, ``state.json`` and a lock. A part is
+written to a temporary name, closed, brought to the disk and renamed; then the state file likewise. So whatever happens,
+a part that has its name is whole.
+"""
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mdtopo.bonds import BondState
+from mdtopo.errors import InputError, OutputError
+from mdtopo.records import Alert, BrokenEdge, MonitorConfig, ReferenceLengths, StepTable, Strands
+from mdtopo.store.atomic import failed, write_text
+from mdtopo.store.provenance import Provenance
+from mdtopo.store.reader import read_results
+from mdtopo.store.tables import stored_tables
+from mdtopo.store.writer import ResultsWriter
+
+STATE_SCHEMA = "mdtopo.state/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What all parts of a run, and its results file, begin with.
+
+    Attributes
+    ----------
+    strands, config, provenance, request
+        As for `ResultsWriter.create`.
+    reference : ReferenceLengths or None
+        Reference lengths of the edges.
+    inherited : tuple of BrokenEdge
+        Edges that had broken before the run's first step.
+    """
+
+    strands: Strands
+    config: MonitorConfig
+    provenance: Provenance
+    request: Mapping[str, Any]
+    reference: ReferenceLengths | None = None
+    inherited: tuple[BrokenEdge, ...] = ()
+
+    def identity(self) -> dict[str, Any]:
+        """Return what must be the same for a run to go on, as JSON gives it back."""
+        values = {
+            "version": self.provenance.versions.get("mdtopo"),
+            "config": self.config.to_mapping(),
+            "request": dict(self.request),
+            "inputs": self.provenance.to_mapping()["inputs"],
+        }
+        plain: dict[str, Any] = json.loads(json.dumps(values, default=str))
+        return plain
+
+    def writer(self, path: Path, *, overwrite: bool = False, folder: Path | None = None) -> ResultsWriter:
+        """Return a writer for a file that begins so."""
+        writer = ResultsWriter.create(
+            path,
+            self.strands,
+            self.config,
+            self.provenance,
+            request=self.request,
+            overwrite=overwrite,
+            folder=folder,
+        )
+        writer.inherit(self.inherited)
+        if self.reference is not None:
+            writer.add_reference(self.reference)
+        return writer
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A finished part: its file, its first step, how many steps it holds, and the last frame of the last one."""
+
+    path: Path
+    first_step: int
+    n_steps: int
+    last_frame: int
+    bonds: tuple[BondState, BondState]
+
+    @property
+    def next_step(self) -> int:
+        """The step behind it."""
+        return self.first_step + self.n_steps
+
+
+def folder_of(out: Path) -> Path:
+    """Return the directory of an output's parts."""
+    return out.with_name(f"{out.name}.parts")
+
+
+def read_state(out: Path) -> dict[str, Any] | None:
+    """Return what the state file of an unfinished output says, None where there is none.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be understood.
+    """
+    path = folder_of(out) / "state.json"
+    try:
+        state: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path} cannot be read ({error}); give --overwrite to begin again.") from error
+    if not isinstance(state, dict) or state.get("schema") != STATE_SCHEMA:
+        raise OutputError(f"{path} is no state file that this mdtopo knows ({STATE_SCHEMA}).")
+    return state
+
+
+def finished_parts(out: Path) -> list[Part]:
+    """Return the finished parts of an output, in order.
+
+    Raises
+    ------
+    OutputError
+        If one is missing or damaged.
+    """
+    parts: list[Part] = []
+    for path in sorted(folder_of(out).glob("part-*.h5")):
+        try:
+            found = read_results(path, columns=("frame_t1",))
+        except InputError as error:
+            raise OutputError(f"{error} Restore it, or give --overwrite to begin again.") from error
+        expected = parts[-1].next_step if parts else 0
+        if found.first_step != expected or found.bonds is None:
+            raise OutputError(
+                f"{path} begins with step {found.first_step} where step {expected} belongs; a part is missing. "
+                "Restore it, or give --overwrite to begin again."
+            )
+        frames = found.steps["frame_t1"]
+        parts.append(Part(path, found.first_step, len(frames), int(frames[-1]), found.bonds))
+    return parts
+
+
+def part_tables(out: Path) -> Iterator[StepTable]:
+    """Yield the steps of the finished parts of an output, in order; see `stored_tables`."""
+    for path in sorted(folder_of(out).glob("part-*.h5")):
+        yield from stored_tables(path)
+
+
+def discard(out: Path) -> None:
+    """Remove all that is in the directory of an output's parts but the lock, the state file last."""
+    folder = folder_of(out)
+    for path in sorted(folder.iterdir(), key=lambda path: (path.name == "state.json", path.name)):
+        if path.name != "lock":
+            with suppress(OSError):
+                path.unlink()
+
+
+def remove_folder(out: Path) -> None:
+    """Remove the directory of an output's parts."""
+    discard(out)
+    shutil.rmtree(folder_of(out), ignore_errors=True)
+
+
+@dataclass(slots=True)
+class PartsWriter:
+    """Writes the parts of one output; whoever makes it holds the lock.
+
+    Attributes
+    ----------
+    out : Path
+        The output.
+    head : Head
+    started : str
+        When the run was first begun, UTC.
+    parts : list of Part
+        Those that are finished.
+    """
+
+    out: Path
+    head: Head
+    started: str
+    parts: list[Part] = field(default_factory=list)
+    _writer: ResultsWriter | None = None
+    _first_step: int = 0
+    _n_steps: int = 0
+    _last_frame: int = -1
+    _start: BondState | None = None
+    _end: BondState | None = None
+
+    def begin(self) -> None:
+        """Make the state file, and remove what a killed writer left behind."""
+        for path in folder_of(self.out).glob(".*.partial"):
+            with suppress(OSError):
+                path.unlink()
+        self._write_state()
+
+    @property
+    def n_open(self) -> int:
+        """Steps of the part that is being written."""
+        return self._n_steps
+
+    def append(self, table: StepTable, start: BondState, end: BondState) -> None:
+        """Add the steps of a table; `start` and `end` are the bonds at their first and last frame."""
+        if self._writer is None:
+            path = folder_of(self.out) / f"part-{table.first_step:010d}.h5"
+            self._writer = self.head.writer(path)
+            self._first_step, self._n_steps, self._start = table.first_step, 0, start
+        self._writer.append(table)
+        self._n_steps += len(table)
+        self._last_frame, self._end = int(table.frame_t1[-1]), end
+
+    def append_alert(self, alert: Alert) -> None:
+        """Add an alert to the part that is being written, if there is one: readers of a running output see it there."""
+        if self._writer is not None:
+            self._writer.append_alert(alert)
+
+    def close_part(self) -> None:
+        """Finish the part that is being written, if there is one, then the state file."""
+        if self._writer is None or self._start is None or self._end is None:
+            return
+        writer, self._writer = self._writer, None
+        bonds = self._start, self._end
+        writer.add_bonds(*bonds)
+        writer.finish({}, complete=False)
+        path = folder_of(self.out) / f"part-{self._first_step:010d}.h5"
+        self.parts.append(Part(path, self._first_step, self._n_steps, self._last_frame, bonds))
+        self._n_steps = 0
+        self._write_state()
+
+    def abandon_part(self) -> None:
+        """Throw away the part that is being written: the disk is full, or its steps cannot be relied on."""
+        if self._writer is not None:
+            self._writer.abort()
+            self._writer = None
+
+    def _write_state(self) -> None:
+        state = {
+            "schema": STATE_SCHEMA,
+            **self.head.identity(),
+            "started": self.started,
+            "next_step": self.parts[-1].next_step if self.parts else 0,
+            "last_frame": self.parts[-1].last_frame if self.parts else None,
+            "parts": [{"name": p.path.name, "first_step": p.first_step, "n_steps": p.n_steps} for p in self.parts],
+        }
+        write_text(folder_of(self.out) / "state.json", json.dumps(state, indent=1))
+
+
+def make_folder(out: Path) -> None:
+    """Make the directory of an output's parts, where it is missing.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        folder_of(out).mkdir(exist_ok=True)
+    except OSError as error:
+        raise failed(out, error) from error

@@ -1,0 +1,286 @@
+"""Runs that are ended and gone on with: nothing that was finished is lost, and the outcome is the same."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import kill_runs
+import numpy as np
+import pytest
+
+import mdtopo
+from mdtopo import MonitorConfig
+from mdtopo.cli import main
+from mdtopo.cli.exits import Exit
+from mdtopo.errors import InputError, OutputError
+from mdtopo.pipeline import PartLength, StopRequest
+from mdtopo.pipeline.ahead import read_ahead
+from mdtopo.store import OutputLock, folder_of, make_folder, read_running
+
+ROOT = Path(__file__).parents[3]
+SHORT = PartLength(steps=20)
+
+
+def ended_runs(folder: Path, how: str, count: int, seed: int) -> dict[str, object]:
+    words = [sys.executable, str(ROOT / "tests" / "kill_runs.py"), str(folder), how, str(count), str(seed)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def check_ended_runs(folder: Path, how: str, count: int) -> None:
+    found = ended_runs(folder, how, count, seed=7)
+    assert found["failed"] == []
+    assert found["ended"] == count
+    assert found["lost_parts"] == 0
+    assert found["chains"] == found["equal"] > 0
+
+
+@pytest.mark.parametrize("how", ["kill", "term", "full"])
+def test_whatever_ends_a_run_it_goes_on_and_ends_as_if_nothing_had_been(tmp_path: Path, how: str) -> None:
+    check_ended_runs(tmp_path / how, how, 20)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["kill", "term", "full"])
+def test_two_hundred_times(tmp_path: Path, how: str) -> None:
+    check_ended_runs(tmp_path / how, how, 200)
+
+
+@pytest.fixture
+def trajectory(tmp_path: Path) -> Path:
+    return kill_runs.write_input(tmp_path / "input.npz")
+
+
+class StopsAfter(StopRequest):
+    """Asks to stop at the n-th block."""
+
+    def __init__(self, n: int) -> None:
+        super().__init__()
+        self.left = n
+
+    @property
+    def reason(self) -> str:
+        self.left -= 1
+        return "enough" if self.left <= 0 else ""
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_no_bit_depends_on_threads_parts_or_stops(trajectory: Path, tmp_path: Path, threads: int) -> None:
+    whole, other = tmp_path / "whole.h5", tmp_path / "other.h5"
+    config = MonitorConfig(block_steps=5)
+    mdtopo.monitor(trajectory, out=whole, alerts=whole.with_suffix(".jsonl"), config=config, threads=1)
+    count = 0
+    while not other.exists():
+        summary = mdtopo.monitor(
+            trajectory, out=other, alerts=other.with_suffix(".jsonl"), config=config, threads=threads,
+            stop=StopsAfter(13), parts=SHORT,
+        )  # fmt: skip
+        assert bool(summary.checkpoint) is not other.exists()
+        count += 1
+    assert count == 4
+    found, expected = kill_runs.contents(other), kill_runs.contents(whole)
+    for key in {*found, *expected} - {"@provenance"}:
+        assert found[key] == expected[key], key
+    assert other.with_suffix(".jsonl").read_bytes() == whole.with_suffix(".jsonl").read_bytes()
+    assert summary.to_mapping() == json.loads(str(expected["@summary"]))
+    assert summary.n_fractures >= 1
+    assert min(summary.counts.crossed, summary.counts.unresolved, summary.counts.near_limit) > 0
+
+
+def put_down(trajectory: Path, out: Path, **how: object) -> None:
+    assert mdtopo.monitor(trajectory, out=out, stop=StopsAfter(2), **how).checkpoint == "enough"  # type: ignore[arg-type]
+
+
+def test_finished_parts_of_a_run_can_be_read(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    with pytest.raises(InputError, match="has no finished part yet"):
+        read_running(out)
+    put_down(trajectory, out, parts=SHORT)
+    found = read_running(out)
+    assert (found.in_progress, found.complete, len(found.steps["verdict"])) == (True, False, 128)
+    mdtopo.monitor(trajectory, out=out)
+    whole = mdtopo.read_results(out)
+    assert found.steps["clearance"].tobytes() == whole.steps["clearance"][:128].tobytes()
+    assert not whole.in_progress
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"config": MonitorConfig(near_limit=0.7)}, "near_limit was 0.8, and now is 0.7"),
+        ({"config": MonitorConfig(motion="lab")}, "motion was 'rigid', and now is 'lab'"),
+        ({"frames": slice(0, 200)}, r"frames was \[None, None, None\], and now is \[0, 200, None\]"),
+        ({"reader": "arrays"}, "reader was not given, and now is 'arrays'"),
+    ],
+)
+def test_other_settings_are_refused_by_name(
+    trajectory: Path, tmp_path: Path, change: dict[str, object], words: str
+) -> None:
+    out = tmp_path / "run.h5"
+    put_down(trajectory, out)
+    with pytest.raises(OutputError, match=rf"{words}\. Give the earlier values .*--overwrite"):
+        mdtopo.monitor(trajectory, out=out, **change)  # type: ignore[arg-type]
+    assert len(read_running(out).steps["verdict"]) == 128
+    assert mdtopo.monitor(trajectory, out=out, overwrite=True, **change).n_steps in (199, 239)  # type: ignore[arg-type]
+
+
+def test_another_input_is_refused_by_name(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    put_down(trajectory, out)
+    kill_runs.write_input(trajectory, n_frames=241)
+    with pytest.raises(OutputError, match=r"the size of .*input\.npz was \d+ bytes, and now is \d+\."):
+        mdtopo.monitor(trajectory, out=out)
+    kill_runs.write_input(trajectory, n_frames=240)
+    with trajectory.open("r+b") as file:
+        file.seek(5000)
+        file.write(b"x")
+    with pytest.raises(OutputError, match=r"the content of .*input\.npz has changed"):
+        mdtopo.monitor(trajectory, out=out)
+
+
+def test_a_missing_part_is_named(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    assert mdtopo.monitor(trajectory, out=out, stop=StopsAfter(3), parts=SHORT).checkpoint
+    first, *_, last = sorted(folder_of(out).glob("part-*.h5"))
+    kept = last.read_bytes()
+    last.unlink()
+    with pytest.raises(OutputError, match=f"{last.name} is missing; restore it"):
+        mdtopo.monitor(trajectory, out=out)
+    last.write_bytes(kept)
+    first.write_bytes(kept[:100])
+    with pytest.raises(OutputError, match=r"is truncated or damaged .*Restore it"):
+        mdtopo.monitor(trajectory, out=out)
+
+
+def test_an_object_in_memory_is_not_gone_on_with(tmp_path: Path) -> None:
+    out, strands = tmp_path / "run.h5", mdtopo.Strands.from_lengths([4])
+    x = np.cumsum(np.full((300, 4, 3), 0.01), axis=0) + np.arange(4)[:, np.newaxis]
+    summary = mdtopo.monitor(x, strands=strands, out=out, stop=StopsAfter(2))
+    assert (summary.checkpoint, summary.stopped, summary.n_steps) == ("", "enough", 128)
+    assert not mdtopo.read_results(out).complete
+    assert not folder_of(out).exists()
+
+
+def test_a_finished_run_is_not_measured_again(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    first = mdtopo.monitor(trajectory, out=out)
+    before = out.read_bytes()
+    assert mdtopo.monitor(trajectory, out=out) == first
+    assert out.read_bytes() == before
+    with pytest.raises(OutputError, match="exists already"):
+        mdtopo.monitor(trajectory, out=out, frames=slice(0, 5))
+
+
+def test_a_second_writer_is_refused_and_the_first_is_named(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    make_folder(out)
+    lock = folder_of(out) / "lock"
+    with OutputLock(lock, out), pytest.raises(OutputError, match="another run of this process"):
+        mdtopo.monitor(trajectory, out=out)
+    code = (
+        "import sys, time; from pathlib import Path; from mdtopo.store import OutputLock\n"
+        "held = OutputLock(Path(sys.argv[1]), Path('x')); print('held', flush=True); time.sleep(60)"
+    )
+    make_folder(out)
+    words = [sys.executable, "-c", code, str(lock)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        with pytest.raises(OutputError, match=rf"run\.h5 is being written by process {other.pid} on "):
+            mdtopo.monitor(trajectory, out=out, overwrite=True)
+        other.kill()
+    assert mdtopo.monitor(trajectory, out=out).n_steps == 239  # the lock died with its holder
+
+
+def test_alerts_of_another_run_are_not_gone_on_with(trajectory: Path, tmp_path: Path) -> None:
+    out, alerts = tmp_path / "run.h5", tmp_path / "alerts.jsonl"
+    put_down(trajectory, out, alerts=alerts)
+    lines = alerts.read_text().splitlines(keepends=True)
+    alerts.write_text("".join(["{}\n", *lines[1:]]))
+    with pytest.raises(OutputError, match="does not hold the alerts of this run"):
+        mdtopo.monitor(trajectory, out=out, alerts=alerts)
+
+
+def test_max_hours_puts_a_run_down_with_code_75(
+    trajectory: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    out = tmp_path / "run.h5"
+    words = ["monitor", str(trajectory), "-o", str(out)]
+    assert main([*words, "--max-hours", "0"]) == Exit.CHECKPOINT
+    assert "put down after 64 steps, because the 0 hours of --max-hours are over" in capsys.readouterr().err
+    assert main(words) == Exit.DONE
+    assert mdtopo.read_results(out).complete
+
+
+def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
+    code = (
+        "import os, signal; from mdtopo.pipeline import StopRequest, stopping_on_signals\n"
+        "with stopping_on_signals(StopRequest()) as request:\n"
+        "    os.kill(os.getpid(), signal.SIGINT); print(request.reason, flush=True)\n"
+        "    os.kill(os.getpid(), signal.SIGINT); print('never')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
+    assert (ended.returncode, ended.stdout) == (Exit.INTERRUPTED, "SIGINT was received\n")
+
+
+def test_signals_are_given_back(tmp_path: Path) -> None:
+    from mdtopo.pipeline import stopping_on_signals
+
+    before = signal.getsignal(signal.SIGTERM)
+    with stopping_on_signals(StopRequest()) as request:
+        os.kill(os.getpid(), signal.SIGUSR1)
+        assert request.reason == "SIGUSR1 was received"
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_reading_ahead_keeps_order_and_errors_and_ends_its_thread() -> None:
+    def numbers(n: int) -> object:
+        yield from range(n)
+        raise ValueError("the end")
+
+    seen = []
+    with pytest.raises(ValueError, match="the end"):
+        seen.extend(read_ahead(numbers(50), 2))  # type: ignore[arg-type]
+    before = threading.active_count()
+    ahead = read_ahead(iter(range(10**9)), 2)
+    assert [next(ahead) for _ in range(3)] == [0, 1, 2]
+    ahead.close()
+    assert threading.active_count() == before
+
+
+def test_reading_ahead_is_bounded() -> None:
+    made: list[int] = []
+    ahead = read_ahead((made.append(k) or k for k in range(100)), 2)
+    next(ahead)
+    time.sleep(0.2)
+    assert len(made) <= 1 + 2 + 1  # taken, waiting, and one in hand
+    ahead.close()
+
+
+def test_an_error_while_measuring_ends_the_run_and_keeps_what_was_measured(
+    trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mdtopo.pipeline import tables
+
+    measure: Callable = tables.measure_plan
+
+    def fail(plan: object, *rest: object) -> object:
+        if plan.block.first_step >= 128:  # type: ignore[attr-defined]
+            raise MemoryError("no room")
+        return measure(plan, *rest)
+
+    out = tmp_path / "run.h5"
+    monkeypatch.setattr(tables, "measure_plan", fail)
+    with pytest.raises(MemoryError):
+        mdtopo.monitor(trajectory, out=out, threads=2)
+    assert len(read_running(out).steps["verdict"]) == 128
+    assert [thread.name for thread in threading.enumerate() if thread.name.startswith("mdtopo")] == []
