@@ -8,6 +8,7 @@ from typing import IO
 import numpy as np
 
 from mdtopo.errors import OutputError
+from mdtopo.export.curves import CurveSnapshot
 from mdtopo.export.snapshots import Snapshot
 from mdtopo.records import Strands
 from mdtopo.typing import Indices
@@ -74,7 +75,7 @@ def _atom_start(strands: Strands, v: int) -> str:
 
 
 def _remark(text: str) -> str:
-    plain = "".join(c if c.isprintable() else "?" for c in text)
+    plain = "".join(c if c.isprintable() else "?" for c in text.replace("Å", "A"))
     return "".join(f"REMARK 250 {line}\n" for line in textwrap.wrap(plain, 68))
 
 
@@ -95,3 +96,43 @@ def _xyz_lines(strands: Strands, snapshot: Snapshot) -> Iterator[str]:
     yield f"{snapshot.title}{time}, {proof}\n"
     for x, y, z in snapshot.positions.tolist():
         yield f"C {x!r} {y!r} {z!r}\n"
+
+
+def write_curve_xyz(path: Path, snapshots: Iterable[CurveSnapshot]) -> int:
+    """Write an XYZ file of curves with all digits, one block for each snapshot; return their number.
+
+    The second line of a block says whether the polyline is isotopic to its curve, and how many points each trace has.
+    """
+    count = 0
+    with path.open("w", encoding="utf-8") as file:
+        for snapshot in snapshots:
+            kinds = zip(np.diff(snapshot.offsets).tolist(), snapshot.closed.tolist(), strict=True)
+            traces = ", ".join(f"{n} {'closed' if ring else 'open'}" for n, ring in kinds)
+            time = f", {snapshot.time!r} ps" if np.isfinite(snapshot.time) else ""
+            proof = "isotopic to the curve" if snapshot.is_isotopic else "NOT KNOWN to be isotopic to the curve"
+            file.write(f"{len(snapshot.positions)}\n")
+            file.write(
+                f"curve of {snapshot.title}{time}, {proof}, within {snapshot.chord_error:.6g} Å of it; "
+                f"points of each trace: {traces}\n"
+            )
+            file.writelines(f"C {x!r} {y!r} {z!r}\n" for x, y, z in snapshot.positions.tolist())
+            count += 1
+    return count
+
+
+def write_curve_pdb(path: Path, snapshot: CurveSnapshot, remarks: list[str]) -> int:
+    """Write a PDB file of the curve of one frame; return 1.
+
+    The models of a PDB file share their atoms, and the polyline of a curve has other points in each frame.
+
+    Raises
+    ------
+    OutputError
+        As for `write_pdb`.
+    """
+    points = Strands.from_lengths(np.diff(snapshot.offsets).tolist(), closed=snapshot.closed.tolist())
+    proof = "is" if snapshot.is_isotopic else "is NOT KNOWN to be"
+    remarks = [*remarks, f"The polyline {proof} isotopic to the curve: {snapshot.reason}."]
+    closest = np.zeros(len(snapshot.positions), dtype=np.bool_)
+    model = Snapshot(snapshot.title, snapshot.time, snapshot.positions, np.nan, closest, -1)
+    return write_pdb(path, points, points.edges, [model], remarks)

@@ -7,8 +7,20 @@ import h5py
 import numpy as np
 import pytest
 
-from mdtopo.errors import OutputError
-from mdtopo.export import Snapshot, in_between, whole_positions, write_pdb, write_vtkhdf, write_xyz
+from mdtopo.errors import InputError, OutputError
+from mdtopo.export import (
+    CurveSnapshot,
+    Snapshot,
+    curve_snapshot,
+    in_between,
+    whole_positions,
+    write_curve_pdb,
+    write_curve_vtkhdf,
+    write_curve_xyz,
+    write_pdb,
+    write_vtkhdf,
+    write_xyz,
+)
 from mdtopo.records import Frame, Strands, Traces
 from mdtopo.referee import open_step
 
@@ -22,6 +34,14 @@ def turned(x: np.ndarray, angle: float) -> np.ndarray:
 
 def frame(index: int, x: np.ndarray, cell: np.ndarray | None = None) -> Frame:
     return Frame(index, float(index), np.ascontiguousarray(x), cell)
+
+
+def curve(tolerance: float, broken: tuple[int, ...] = (), time: float = 0.5) -> CurveSnapshot:
+    """A bent strand and a square ring beside it, 3 Å away."""
+    x = np.array([[0, 0, 3.0], [1, 0, 3], [1, 1, 3.5], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    traces = Traces.of(STRANDS, broken)
+    about = {"title": "frame 4", "time": time, "polyline_clearance": 1.5}
+    return curve_snapshot(x, STRANDS, traces, "interpolating", tolerance, **about)
 
 
 def snapshots(n: int, scale: float = 1.0) -> list[Snapshot]:
@@ -144,3 +164,100 @@ def test_xyz_keeps_every_digit_and_marks_what_is_not_proved(tmp_path: Path) -> N
     assert ["NOT PROVED" in line for line in lines[1::9]] == [False, True]
     values = np.array([[float(word) for word in line.split()[1:]] for line in lines[2:9]])
     np.testing.assert_array_equal(values, given[0].positions)
+
+
+def test_the_polyline_of_a_curve_passes_the_vertices_of_its_strands_closely() -> None:
+    found = curve(0.01)
+    assert found.is_isotopic
+    assert found.chord_error <= 0.01
+    assert found.closed.tolist() == [False, True]
+    first, ring = np.split(found.positions, found.offsets[1:-1])
+    assert first[0].tolist() == [0.0, 0.0, 3.0]
+    assert first[-1].tolist() == [1.0, 1.0, 3.5]
+    assert ring[0].tolist() == [0.0, 0.0, 0.0]
+    assert ring[-1].tolist() != [0.0, 0.0, 0.0]  # the ring's repeated point is left out
+    # by hand: the periodic spline through the corners of the unit square bulges by 3/16 at the middle of an edge
+    bulge = np.linalg.norm(ring - [0.5, -0.1875, 0.0], axis=1)
+    assert bulge.min() < 0.15
+    assert ring[:, 1].min() == pytest.approx(-0.1875, abs=0.02)
+    assert found.strand.tolist() == [0] * len(first) + [1] * len(ring)
+    assert len(curve(0.001).positions) > 2 * len(found.positions)
+
+
+def test_a_polyline_that_leaves_the_tube_is_not_called_isotopic() -> None:
+    x = np.array([[0, 0, 0.0], [1, 0, 0], [2, 0, 0.004], [0.5, -1, 0], [0.5, 0, 0.01], [0.5, 1, 0], [0.5, 1, 1]])
+    strands = Strands.from_lengths([3, 4])
+    about = {"title": "frame 0", "time": 0.0, "polyline_clearance": np.nan}
+    far = curve_snapshot(x, strands, Traces.of(strands), "interpolating", 0.1, **about)
+    near = curve_snapshot(x, strands, Traces.of(strands), "interpolating", 1e-4, **about)
+    assert (far.is_isotopic, near.is_isotopic) == (False, True)
+    assert "whose tube has the radius" in far.reason
+
+
+def test_broken_edges_end_the_curve_and_lone_vertices_have_none() -> None:
+    found = curve(0.01, broken=(0, 3))  # 0-1 of the strand, 4-5 of the ring
+    assert found.closed.tolist() == [False, False]
+    first, opened = np.split(found.positions, found.offsets[1:-1])
+    assert (first[0].tolist(), first[-1].tolist()) == ([1.0, 0.0, 3.0], [1.0, 1.0, 3.5])
+    assert (opened[0].tolist(), opened[-1].tolist()) == ([1.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    assert found.strand.tolist() == [0] * len(first) + [1] * len(opened)
+    with pytest.raises(InputError, match="every edge is broken"):
+        curve(0.01, broken=tuple(range(6)))
+
+
+def test_a_frame_without_a_curve_is_named() -> None:
+    x = np.zeros((7, 3))
+    about = {"title": "frame 4", "time": 0.0, "polyline_clearance": np.nan}
+    with pytest.raises(InputError, match=r"curve of frame 4 cannot be exported\. Vertices 0 and 1 follow"):
+        curve_snapshot(x, STRANDS, Traces.of(STRANDS), "interpolating", 0.1, **about)
+    with pytest.raises(InputError, match="points of a ring in frame 4; choose a smaller one"):
+        curve(100.0)
+
+
+def test_vtk_reads_curves_whose_points_and_lines_differ_in_number(tmp_path: Path) -> None:
+    path, given = tmp_path / "a.vtkhdf", [curve(0.1), curve(0.001, time=1.0), curve(0.02, (0, 3), time=1.5)]
+    assert write_curve_vtkhdf(path, given, ["a remark"]) == 3
+    with h5py.File(path) as file:
+        assert file["VTKHDF/NumberOfPoints"][()].tolist() == [len(s.positions) for s in given]
+        assert file["VTKHDF/Steps/PartOffsets"][()].tolist() == [0, 1, 2]
+    vtk = pytest.importorskip("vtk", reason="vtk is not installed, so no other program reads the file back")
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    for k in (2, 0, 1):
+        reader.SetStep(k)
+        reader.Update()
+        data, snapshot = reader.GetOutput(), given[k]
+        assert (data.GetNumberOfLines(), reader.GetTimeValue()) == (2, snapshot.time)
+        np.testing.assert_array_equal(vtk_to_numpy(data.GetPoints().GetData()), snapshot.positions)
+        lines = np.split(
+            vtk_to_numpy(data.GetLines().GetConnectivityArray()), vtk_to_numpy(data.GetLines().GetOffsetsArray())[1:-1]
+        )
+        for line, ring, start, stop in zip(
+            lines, snapshot.closed, snapshot.offsets[:-1], snapshot.offsets[1:], strict=True
+        ):
+            assert line.tolist() == [*range(start, stop), *([start] if ring else [])]
+        for name in ("strand", "parameter", "isotopic", "chord_error", "polyline_clearance"):
+            wanted = snapshot.is_isotopic if name == "isotopic" else getattr(snapshot, name)
+            found = vtk_to_numpy(data.GetPointData().GetArray(name))
+            np.testing.assert_array_equal(found, np.broadcast_to(wanted, len(snapshot.positions)))
+
+
+def test_text_says_whether_the_polyline_is_isotopic_to_its_curve(tmp_path: Path) -> None:
+    sure = curve(0.01)
+    doubtful = replace(sure, is_isotopic=False, reason="a reason")
+    assert write_curve_xyz(tmp_path / "a.xyz", [sure, doubtful, curve(0.1)]) == 3
+    lines, start, heads = (tmp_path / "a.xyz").read_text().splitlines(), 0, []
+    while start < len(lines):
+        heads.append(lines[start + 1])
+        start += int(lines[start]) + 2
+    assert ["NOT KNOWN" in head for head in heads] == [False, True, False]
+    assert f"{sure.offsets[1]} open, {np.diff(sure.offsets)[1]} closed" in heads[0]
+    for one, told in ((sure, False), (doubtful, True)):
+        assert write_curve_pdb(tmp_path / "a.pdb", one, ["a remark"]) == 1
+        text = (tmp_path / "a.pdb").read_text()
+        assert ("NOT KNOWN" in text) is told
+        assert "?" not in text
+        assert text.count("CONECT") == len(one.positions) - 1

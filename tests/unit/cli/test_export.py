@@ -83,7 +83,12 @@ def test_moments_of_a_step_that_is_not_certified_are_refused_or_marked(
         ["--what", "polyline", "--step", "1"],
         ["--what", "polyline", "--between", "1"],
         ["--what", "event", "--step", "1", "--frames", ":3"],
-        ["--what", "curve"],
+        ["--what", "curve", "--step", "1"],
+        ["--what", "curve", "--tolerance", "0"],
+        ["--what", "curve", "--tolerance", "nan"],
+        ["--what", "curve", "--curve", "round"],
+        ["--what", "polyline", "--tolerance", "0.1"],
+        ["--what", "polyline", "--curve", "bspline"],
         ["--what", "polyline", "--frames", "::-1"],
     ],
     ids=" ".join,
@@ -98,3 +103,43 @@ def test_wrong_input_exits_with_4_and_one_sentence(cli: Callable, results: Path)
         assert (outcome.code, len(outcome.err.splitlines())) == (Exit.BAD_INPUT, 1)
     outcome = cli("export", results, "-o", results, "--what", "polyline", "--format", "xyz", "--overwrite")
     assert (outcome.code, "is read here" in outcome.err) == (Exit.BAD_INPUT, True)
+
+
+def test_the_curve_is_written_with_what_is_proved_of_it(cli: Callable, results: Path) -> None:
+    outcome = export(cli, results, "a.vtkhdf", "--what", "curve", "--frames", ":8", "--tolerance", "0.001")
+    assert (outcome.code, outcome.err) == (Exit.DONE, "")
+    assert outcome.out.endswith("8 times, the polyline is proved to be isotopic to the curve at 8 of them\n")
+    with h5py.File(results) as run, h5py.File(results.with_name("a.vtkhdf")) as file:
+        assert "interpolating curve of the strands, at most 0.001 Å" in file.attrs["mdtopo"]
+        points = file["VTKHDF/Steps/PointOffsets"][()]
+        assert len(set(np.diff(points))) > 1  # other points in each frame
+        data = file["VTKHDF/PointData"]
+        assert data["isotopic"][()].all()
+        assert data["chord_error"][()].max() <= 0.001
+        assert data["polyline_clearance"][()][points].tolist() == run["steps/clearance"][:8].tolist()
+
+
+def test_where_the_polyline_is_not_known_to_be_isotopic_is_said(cli: Callable, npz: Callable, tmp_path: Path) -> None:
+    bars = np.array([[-1.0, 0, 0], [0, 0, 0], [1, 0.1, 0], [0.2, -1, 2.0], [0.2, 0, 2.0], [0.2, 1, 2.1]])
+    near = bars.copy()
+    near[3:, 2] = 0.01, 0.02, 0.01
+    near[1, 2] = 0.04
+    source = npz(positions=np.stack([bars, near]), offsets=np.array([0, 3, 6]), closed=np.zeros(2, bool), time=None)
+    run = tmp_path / "run.h5"
+    assert cli("monitor", source, "-o", run, "-q").code == Exit.DONE
+    outcome = export(cli, run, "a.xyz", "--what", "curve", "--tolerance", "0.1")
+    assert outcome.code == Exit.DONE
+    assert outcome.out.endswith("2 times, the polyline is proved to be isotopic to the curve at 1 of them\n")
+    assert "not known whether the polyline is isotopic to the curve at frame 1 (" in outcome.err
+    assert (tmp_path / "a.xyz").read_text().count("NOT KNOWN to be isotopic") == 1
+
+
+def test_pdb_holds_the_curve_of_one_frame_only(cli: Callable, results: Path) -> None:
+    outcome = export(cli, results, "a.pdb", "--what", "curve", "--frames", ":8")
+    assert (outcome.code, outcome.out) == (Exit.BAD_INPUT, "")
+    assert "cannot hold the curve of 8 frames" in outcome.err
+    assert not list(results.parent.glob("*a.pdb*"))
+    assert export(cli, results, "a.pdb", "--what", "curve", "--frames", "2:3").code == Exit.DONE
+    assert "is isotopic to the curve" in " ".join((results.parent / "a.pdb").read_text().split())
+    outcome = export(cli, results, "b.xyz", "--what", "curve", "--frames", "9:10")
+    assert "Frame 9 cannot be exported" in outcome.err
