@@ -62,7 +62,7 @@ def same_type(x: Points, strands: Strands, kind: CurveKind = "interpolating") ->
     Proven, for the curve with the control points as computed. `TUBE`: every edge lies in the tube about the curve and
     makes acute angles with the tangents of its arc (Jordan et al. 2008, sections 4-6; see `approximate`). `HOMOTOPY`: a
     finer polyline with its vertices on the curve does, and its step to the same places on the edges is certified
-    (`polyline_step`) with a clearance far above the rounding of those places.
+    (`polyline_step`) with a clearance far above the rounding of those places. Periodic images are not looked at.
 
     Raises
     ------

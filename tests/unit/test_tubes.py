@@ -283,3 +283,19 @@ def test_a_sampled_cusp_is_named() -> None:
 def test_a_tolerance_is_positive() -> None:
     with pytest.raises(InputError, match="greater than 0"):
         mdtopo.tube(closed(RING), tolerance=0.0)
+
+
+def test_a_ring_of_two_segments() -> None:
+    half = np.array([[1.0, 0, 0], [1, 4 / 3, 0], [-1, 4 / 3, 0], [-1, 0, 0]])
+    found = mdtopo.tube(closed(_joined(np.stack([half, -half]))))
+    # by hand: half-way up, y = 3/4 · 4/3 = 1 above and below, and 2 across
+    assert found.self_distance == pytest.approx(2.0, rel=1e-7)
+    assert found.self_distance <= 2.0
+
+
+def test_a_ring_of_one_segment_with_a_smooth_joint() -> None:
+    petal = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [-2, 3, 0], [-2, 0, 0], [0, 0, 0]])
+    found = mdtopo.tube(closed(petal[np.newaxis]))
+    # by hand: up the middle, from 0 to y(1/2) = 2·(10/32)·3 = 15/8; across, the two sides are further or nearer
+    assert found.self_distance <= 15 / 8
+    assert 0.3 < found.radius <= found.self_distance / 2
