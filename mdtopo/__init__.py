@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mdtopo.analysis import IsotopyAnalysis
     from mdtopo.approximation import approximate
+    from mdtopo.curvestep import curve_embedding, curve_step
     from mdtopo.errors import AuditError, InputError, MdtopoError, OutputError
     from mdtopo.geometry.hull import d_star
     from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
         Approximation,
         CompositeBezier,
         Crossing,
+        CurveReport,
         Grade,
         Isotopy,
         MonitorConfig,
@@ -53,6 +55,7 @@ _HOMES = {
     "AuditError": "errors",
     "CompositeBezier": "records",
     "Crossing": "records",
+    "CurveReport": "records",
     "Grade": "records",
     "InputError": "errors",
     "Isotopy": "records",
@@ -76,6 +79,8 @@ _HOMES = {
     "TubeTerm": "records",
     "Verdict": "records",
     "approximate": "approximation",
+    "curve_embedding": "curvestep",
+    "curve_step": "curvestep",
     "d_star": "geometry.hull",
     "knot_determinant": "geometry.linking",
     "linking_number": "geometry.linking",
@@ -97,6 +102,7 @@ __all__ = [
     "AuditError",
     "CompositeBezier",
     "Crossing",
+    "CurveReport",
     "Grade",
     "InputError",
     "Isotopy",
@@ -121,6 +127,8 @@ __all__ = [
     "Verdict",
     "__version__",
     "approximate",
+    "curve_embedding",
+    "curve_step",
     "d_star",
     "knot_determinant",
     "linking_number",

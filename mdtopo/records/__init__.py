@@ -9,6 +9,7 @@ from mdtopo.records.approximation import Approximation, Isotopy
 from mdtopo.records.beziers import CompositeBezier
 from mdtopo.records.config import Criterion, MonitorConfig, Motion
 from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
+from mdtopo.records.curvesteps import CurveCrossing, CurvePlace, CurveReport
 from mdtopo.records.frames import Frame, FrameBlock
 from mdtopo.records.parametric import ParametricCurve
 from mdtopo.records.reference import ReferenceLengths
@@ -39,6 +40,9 @@ __all__ = [
     "Criterion",
     "Crossing",
     "Crossings",
+    "CurveCrossing",
+    "CurvePlace",
+    "CurveReport",
     "Frame",
     "FrameBlock",
     "Gap",
