@@ -8,10 +8,24 @@ import sys
 from collections.abc import Sequence
 
 from mdtopo import __version__
-from mdtopo.cli import alerts, config, demo, doctor, explain, export, monitor, readers, report, shards, verify, watch
+from mdtopo.cli import (
+    alerts,
+    config,
+    demo,
+    doctor,
+    explain,
+    export,
+    merge,
+    monitor,
+    readers,
+    report,
+    shards,
+    verify,
+    watch,
+)
 from mdtopo.cli.exits import EXIT_HELP, Exit, exit_code
 
-COMMANDS = (demo, doctor, monitor, report, watch, shards, alerts, explain, export, verify, config, readers)
+COMMANDS = (demo, doctor, monitor, report, watch, shards, merge, alerts, explain, export, verify, config, readers)
 
 DESCRIPTION = """\
 Prove that no strand passed through another between two frames of a molecular

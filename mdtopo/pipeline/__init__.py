@@ -1,6 +1,7 @@
 """The whole job: reader → blocks of frames → step tables → alerts → results. The only place where they meet."""
 
 from mdtopo.pipeline.framing import block_of, refuse_winding
+from mdtopo.pipeline.merge import merge
 from mdtopo.pipeline.run import PartLength, monitor
 from mdtopo.pipeline.stopping import StopRequest, stopping_on_signals
 from mdtopo.pipeline.tables import open_input, step_tables, steps, with_coordinate_error
@@ -12,6 +13,7 @@ __all__ = [
     "StopRequest",
     "Tally",
     "block_of",
+    "merge",
     "monitor",
     "open_input",
     "refuse_winding",

@@ -19,6 +19,7 @@ NAMES = (
     "report",
     "watch",
     "shards",
+    "merge",
     "alerts",
     "explain",
     "export",
