@@ -7,6 +7,7 @@ bound of the box at hand bounds all that is left.
 """
 
 import heapq
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -149,11 +150,137 @@ def normal_pair(p: FloatArray, q: FloatArray, s: float, t: float, fixed: bool) -
     return s, t, np.inf
 
 
+class _Boxes(NamedTuple):
+    """The pieces of a search: control points, bounding spheres, first half (-1: not cut), and where each piece lies.
+
+    `data` holds root, start and length of the piece in its segment, depth.
+    """
+
+    nodes: FloatArray
+    spheres: FloatArray
+    data: FloatArray
+    children: IntArray
+
+
 @njit(cache=True, nogil=True)
-def _grown(array: FloatArray) -> FloatArray:
-    bigger = np.empty((2 * array.shape[0], *array.shape[1:]))
-    bigger[: array.shape[0]] = array
-    return bigger
+def _room(boxes: _Boxes, count: int) -> _Boxes:
+    """Return the boxes with room for `count`: themselves, or copies of twice the size."""
+    size = len(boxes.children)
+    if count <= size:
+        return boxes
+    nodes, spheres = np.empty((2 * size, *boxes.nodes.shape[1:])), np.empty((2 * size, 4))
+    data, children = np.empty((2 * size, 4)), np.full(2 * size, -1)
+    nodes[:size], spheres[:size], data[:size], children[:size] = boxes.nodes, boxes.spheres, boxes.data, boxes.children
+    return _Boxes(nodes, spheres, data, children)
+
+
+@njit(cache=True, nogil=True)
+def _place(boxes: _Boxes, k: int, root: float, start: float, length: float, depth: float) -> None:
+    """Write the sphere and the place of a box whose control points are there."""
+    x, y, z, r = _sphere(boxes.nodes[k])
+    spheres, data = boxes.spheres, boxes.data
+    spheres[k, 0], spheres[k, 1], spheres[k, 2], spheres[k, 3] = x, y, z, r
+    data[k, 0], data[k, 1], data[k, 2], data[k, 3] = root, start, length, depth
+
+
+@njit(cache=True, nogil=True)
+def _roots(segments: FloatArray, tips: FloatArray) -> tuple[_Boxes, float]:
+    """Return the boxes of whole segments, then of the tips, and the greatest coordinate."""
+    m, width = segments.shape[0], segments.shape[1]
+    n_roots = m + len(tips)
+    size = 2 * n_roots + 64
+    boxes = _Boxes(np.empty((size, width, 3)), np.empty((size, 4)), np.empty((size, 4)), np.full(size, -1))
+    extent = 0.0
+    for k in range(n_roots):
+        for i in range(width):
+            boxes.nodes[k, i] = segments[k, i] if k < m else tips[k - m]
+        _place(boxes, k, float(k), 0.0, 1.0, 0.0)
+        extent = max(extent, np.max(np.abs(boxes.nodes[k])))
+    return boxes, extent
+
+
+@njit(cache=True, nogil=True)
+def _is_wanted(kind: int, a: int, b: int, m: int, strand: IntArray, tip_segment: IntArray) -> bool:
+    """Return whether two roots, b a segment, are a pair of the kind that is searched."""
+    if kind == ENDS:
+        return a >= m and strand[tip_segment[a - m]] == strand[b]
+    return a < m and (strand[a] == strand[b]) == (kind == SELF)
+
+
+@njit(cache=True, nogil=True)
+def _are_joined(boxes: _Boxes, a: int, b: int, following: IntArray) -> bool:
+    """Return whether two pieces meet end to start."""
+    data = boxes.data
+    root_a, root_b = int(data[a, 0]), int(data[b, 0])
+    end_a, end_b = data[a, 1] + data[a, 2], data[b, 1] + data[b, 2]
+    if root_a == root_b and (end_a == data[b, 1] or end_b == data[a, 1]):
+        return True
+    if following[root_a] == root_b and end_a == 1.0 and data[b, 1] == 0.0:
+        return True
+    return following[root_b] == root_a and end_b == 1.0 and data[a, 1] == 0.0
+
+
+@njit(cache=True, nogil=True)
+def _holds_none(
+    boxes: _Boxes,
+    a: int,
+    b: int,
+    kind: int,
+    following: IntArray,
+    tip_segment: IntArray,
+    tip_side: IntArray,
+    m: int,
+    error: float,
+) -> bool:
+    """Return whether two boxes provably hold no critical pair: too straight near a joint, or nowhere normal."""
+    p, q = boxes.nodes[a], boxes.nodes[b]
+    if kind == SELF:
+        if a == b:
+            return _turns_less_than_right(p, p, error)
+        joined = _are_joined(boxes, a, b, following)
+        if joined and _turns_less_than_right(p, q, error) and _turns_less_than_right(q, q, error):
+            return True
+        return _never_normal(p, q, error) or _never_normal(q, p, error)
+    if kind == ENDS:
+        side, data = tip_side[a - m], boxes.data
+        own = int(data[b, 0]) == tip_segment[a - m] and data[b, 1] + side * data[b, 2] == float(side)
+        return (own and _turns_less_than_right(q, q, error)) or _never_normal(q, p, error)
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _pair_inside(
+    segments: FloatArray, boxes: _Boxes, a: int, b: int, kind: int, upper: float, first: float, second: float
+) -> tuple[float, float, float]:
+    """Return the nearer one of the pair found before and the pair that a local search in two boxes finds."""
+    m, data = segments.shape[0], boxes.data
+    root_a, root_b = int(data[a, 0]), int(data[b, 0])
+    s, t = data[a, 1] + 0.5 * data[a, 2], data[b, 1] + 0.5 * data[b, 2]
+    if kind == STRANDS:
+        here = np.sqrt(np.sum((_at(segments[root_a], s)[0] - _at(segments[root_b], t)[0]) ** 2))
+        if here < upper:
+            upper, first, second = here, root_a + s, root_b + t
+    first_curve = segments[root_a] if root_a < m else boxes.nodes[root_a]
+    s, t, here = normal_pair(first_curve, segments[root_b], s, t, kind == ENDS)
+    if here < upper:
+        upper, second = here, root_b + t
+        first = root_a + s if root_a < m else float(root_a - m)
+    return upper, first, second
+
+
+@njit(cache=True, nogil=True)
+def _halved(boxes: _Boxes, cut: int, count: int) -> tuple[_Boxes, int]:
+    """Return the boxes with the two halves of one of them, and how many boxes there are then."""
+    if boxes.children[cut] >= 0:
+        return boxes, count
+    boxes = _room(boxes, count + 2)
+    halve(boxes.nodes[cut], boxes.nodes[count], boxes.nodes[count + 1])
+    data = boxes.data
+    root, start, length, depth = data[cut, 0], data[cut, 1], data[cut, 2], data[cut, 3]
+    for side in range(2):
+        _place(boxes, count + side, root, start + side * 0.5 * length, 0.5 * length, depth + 1.0)
+    boxes.children[cut] = count
+    return boxes, count + 2
 
 
 @njit(cache=True, nogil=True)
@@ -196,36 +323,18 @@ def search(
     settled : bool
     """
     m, width = segments.shape[0], segments.shape[1]
-    n_roots = m + len(tips)
-    nodes = np.empty((2 * n_roots + 64, width, 3))
-    spheres = np.empty((2 * n_roots + 64, 4))
-    data = np.empty((2 * n_roots + 64, 4))  # root, start and length of the piece in its segment, depth
-    children = np.full(2 * n_roots + 64, -1)
-    extent = 0.0
-    for k in range(n_roots):
-        for i in range(width):
-            nodes[k, i] = segments[k, i] if k < m else tips[k - m]
-        x, y, z, r = _sphere(nodes[k])
-        spheres[k, 0], spheres[k, 1], spheres[k, 2], spheres[k, 3] = x, y, z, r
-        data[k, 0], data[k, 1], data[k, 2], data[k, 3] = k, 0.0, 1.0, 0.0
-        extent = max(extent, np.max(np.abs(nodes[k])))
-    count = n_roots
+    boxes, extent = _roots(segments, tips)
+    count = m + len(tips)
     per_level = 2.0 * width * UNIT_ROUNDOFF * extent  # of a halving
     heap = [(0.0, 0, 0)]
     heap.pop()
     lower, upper, first, second, settled = np.inf, np.inf, -1.0, -1.0, True
-    for a in range(n_roots):
+    for a in range(count):
         for b in range(a, m) if a < m else range(m):
-            if kind == ENDS:
-                wanted = a >= m and strand[tip_segment[a - m]] == strand[b]
-            elif kind == SELF:
-                wanted = a < m and strand[a] == strand[b]
-            else:
-                wanted = a < m and strand[a] != strand[b]
-            if not wanted:
+            if not _is_wanted(kind, a, b, m, strand, tip_segment):
                 continue
-            apart = np.sqrt(np.sum((spheres[a, :3] - spheres[b, :3]) ** 2)) - spheres[a, 3] - spheres[b, 3]
-            apart -= 64.0 * UNIT_ROUNDOFF * extent
+            p, q = boxes.spheres[a], boxes.spheres[b]
+            apart = np.sqrt(np.sum((p[:3] - q[:3]) ** 2)) - p[3] - q[3] - 64.0 * UNIT_ROUNDOFF * extent
             if apart < horizon:
                 heapq.heappush(heap, (max(apart, 0.0), a, b))
             else:
@@ -240,59 +349,18 @@ def search(
         if looked > MOST_BOXES:
             lower, settled = min(lower, gap), False
             break
-        root_a, root_b = int(data[a, 0]), int(data[b, 0])
-        error = (max(data[a, 3], data[b, 3]) + 1.0) * per_level
-        p, q = nodes[a], nodes[b]
-        if kind == SELF:
-            if a == b:
-                if _turns_less_than_right(p, p, error):
-                    continue
-            else:
-                ends_a, ends_b = data[a, 1] + data[a, 2], data[b, 1] + data[b, 2]
-                joined = root_a == root_b and (ends_a == data[b, 1] or ends_b == data[a, 1])
-                joined = joined or (following[root_a] == root_b and ends_a == 1.0 and data[b, 1] == 0.0)
-                joined = joined or (following[root_b] == root_a and ends_b == 1.0 and data[a, 1] == 0.0)
-                if joined and _turns_less_than_right(p, q, error) and _turns_less_than_right(q, q, error):
-                    continue
-                if _never_normal(p, q, error) or _never_normal(q, p, error):
-                    continue
-        elif kind == ENDS:
-            side = tip_side[a - m]
-            own = root_b == tip_segment[a - m] and data[b, 1] + side * data[b, 2] == float(side)
-            if own and _turns_less_than_right(q, q, error):
-                continue
-            if _never_normal(q, p, error):
-                continue
+        error = (max(boxes.data[a, 3], boxes.data[b, 3]) + 1.0) * per_level
+        if _holds_none(boxes, a, b, kind, following, tip_segment, tip_side, m, error):
+            continue
         if a != b:
-            s, t = data[a, 1] + 0.5 * data[a, 2], data[b, 1] + 0.5 * data[b, 2]
-            if kind == STRANDS:
-                here = np.sqrt(np.sum((_at(segments[root_a], s)[0] - _at(segments[root_b], t)[0]) ** 2))
-                if here < upper:
-                    upper, first, second = here, root_a + s, root_b + t
-            first_curve = segments[root_a] if root_a < m else nodes[root_a]
-            s, t, here = normal_pair(first_curve, segments[root_b], s, t, kind == ENDS)
-            if here < upper:
-                upper, second = here, root_b + t
-                first = root_a + s if root_a < m else float(root_a - m)
+            upper, first, second = _pair_inside(segments, boxes, a, b, kind, upper, first, second)
         # split the one with the larger sphere; a box on the diagonal splits both
-        cut = a if spheres[a, 3] > spheres[b, 3] else b
-        if data[cut, 3] >= DEEPEST:
+        cut = a if boxes.spheres[a, 3] > boxes.spheres[b, 3] else b
+        if boxes.data[cut, 3] >= DEEPEST:
             lower, settled = min(lower, gap), False
             continue
-        if children[cut] < 0:
-            if count + 2 > len(children):
-                nodes, spheres, data = _grown(nodes), _grown(spheres), _grown(data)
-                children = np.concatenate((children, np.full(len(children), -1)))
-            halve(nodes[cut], nodes[count], nodes[count + 1])
-            for side in range(2):
-                k = count + side
-                x, y, z, r = _sphere(nodes[k])
-                spheres[k, 0], spheres[k, 1], spheres[k, 2], spheres[k, 3] = x, y, z, r
-                data[k, 0], data[k, 2], data[k, 3] = data[cut, 0], 0.5 * data[cut, 2], data[cut, 3] + 1.0
-                data[k, 1] = data[cut, 1] + side * 0.5 * data[cut, 2]
-            children[cut] = count
-            count += 2
-        c = children[cut]
+        boxes, count = _halved(boxes, cut, count)
+        c = boxes.children[cut]
         if a == b:
             heapq.heappush(heap, (0.0, c, c))
             heapq.heappush(heap, (0.0, c, c + 1))
@@ -300,6 +368,7 @@ def search(
             continue
         for side in range(2):
             x, y = (c + side, b) if cut == a else (a, c + side)
-            apart = _hull_gap(nodes[x], nodes[y]) - 2.0 * (max(data[x, 3], data[y, 3]) + 1.0) * per_level
+            apart = _hull_gap(boxes.nodes[x], boxes.nodes[y])
+            apart -= 2.0 * (max(boxes.data[x, 3], boxes.data[y, 3]) + 1.0) * per_level
             heapq.heappush(heap, (max(max(apart, gap), 0.0), x, y))
     return lower, upper, first, second, settled
