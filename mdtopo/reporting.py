@@ -9,7 +9,18 @@ from pathlib import Path
 from mdtopo.errors import InputError, OutputError
 from mdtopo.records import Frame
 from mdtopo.reopening import frames_at, input_files, open_again
-from mdtopo.report import Event, RunData, Scene, event_scene, ranked_events, render_page, step_path
+from mdtopo.report import (
+    Event,
+    OverviewRow,
+    RunData,
+    Scene,
+    event_scene,
+    multiqc_files,
+    ranked_events,
+    render_overview,
+    render_page,
+    step_path,
+)
 from mdtopo.store import read_results
 
 MOST_SCENES = 16
@@ -43,6 +54,66 @@ def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overw
     scenes, why = event_scenes(run, inputs)
     write_text(out, render_page(run, scenes, no_views=why))
     return run
+
+
+def write_overview(
+    results: Sequence[Path], out: Path, *, multiqc: bool = False, overwrite: bool = False
+) -> list[OverviewRow]:
+    """Write a page for each of many runs beside one page that names them all, worst first, and return its rows.
+
+    A results file that cannot be read has a row that says why, and no page.
+
+    Parameters
+    ----------
+    results : sequence of Path
+        The results files.
+    out : Path
+        The overview; the page of a run is named after both.
+    multiqc : bool
+        Whether to write what MultiQC takes of each run too.
+    overwrite : bool
+        Whether existing pages may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If a page cannot be written, or exists already.
+    """
+    check_target(out, overwrite=overwrite)
+    rows, taken = [], {out.name}
+    for path in results:
+        page, count = f"{out.stem}-{path.stem}.html", 1
+        while page in taken:
+            count += 1
+            page = f"{out.stem}-{path.stem}-{count}.html"
+        taken.add(page)
+        try:
+            run = write_report(path, out.with_name(page), overwrite=overwrite)
+        except InputError as error:
+            rows.append(OverviewRow(str(path), None, "", str(error)))
+            continue
+        rows.append(OverviewRow(str(path), run, page))
+        if multiqc:
+            write_multiqc(run, out.with_name(page), overwrite=overwrite)
+    write_text(out, render_overview(rows))
+    return rows
+
+
+def write_multiqc(run: RunData, page: Path, *, overwrite: bool = False) -> list[Path]:
+    """Write what MultiQC takes of a run beside its page, and return the files.
+
+    Raises
+    ------
+    OutputError
+        If a file cannot be written, or exists already.
+    """
+    written = []
+    for name, text in multiqc_files(run, page.stem).items():
+        path = page.with_name(f"{page.stem}_{name}_mqc.json")
+        check_target(path, overwrite=overwrite)
+        write_text(path, text)
+        written.append(path)
+    return written
 
 
 def event_scenes(run: RunData, inputs: Sequence[Path] = ()) -> tuple[dict[str, Scene], str]:

@@ -15,6 +15,7 @@ whether anything passed, how close it was, where to look, and what was not check
 EXAMPLE = """\
 example:
   mdtopo report run.h5 -o run.html
+  mdtopo report a.h5 b.h5 c.h5 -o all.html
 
 """
 
@@ -24,13 +25,20 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "report",
         help="one self-contained page from a results file",
-        usage="mdtopo report [options] RESULTS -o PAGE",
+        usage="mdtopo report [options] RESULTS [RESULTS ...] -o PAGE",
         description=DESCRIPTION,
         epilog=EXAMPLE + EXIT_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
+    parser.add_argument(
+        "results",
+        metavar="RESULTS",
+        nargs="+",
+        type=Path,
+        help="results files; one page names several",
+    )
     parser.add_argument("-o", "--out", metavar="PAGE", type=Path, help="the page (default: RESULTS with .html)")
+    parser.add_argument("--multiqc", action="store_true", help="write *_mqc.json files for MultiQC beside the page")
     parser.add_argument(
         "--input",
         metavar="FILE",
@@ -47,11 +55,22 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 def run(arguments: argparse.Namespace) -> Exit:
     """Write the page, and say where it is."""
     from mdtopo.cli.monitor import logging_to_stderr
-    from mdtopo.reporting import write_report
+    from mdtopo.reporting import write_multiqc, write_overview, write_report
 
-    out = arguments.out or arguments.results.with_suffix(".html")
+    many, overwrite = len(arguments.results) > 1, arguments.overwrite
+    if many and arguments.out is None:
+        arguments.parser.error("the page of several runs needs a name; give one with --out")
+    if many and arguments.input:
+        arguments.parser.error("--input is for one run; make the reports one at a time")
+    out = arguments.out or arguments.results[0].with_suffix(".html")
     verbose = settled((VERBOSE,), given_options(arguments, (VERBOSE,)))
     with logging_to_stderr({**verbose, "quiet": True}):
-        found = write_report(arguments.results, out, arguments.input, overwrite=arguments.overwrite)
+        if many:
+            rows = write_overview(arguments.results, out, multiqc=arguments.multiqc, overwrite=overwrite)
+            sys.stdout.write(f"{len(rows)} runs; the overview is in {out}\n")
+            return Exit.DONE if all(row.run is not None for row in rows) else Exit.BAD_INPUT
+        found = write_report(arguments.results[0], out, arguments.input, overwrite=overwrite)
+        if arguments.multiqc:
+            write_multiqc(found, out, overwrite=overwrite)
     sys.stdout.write(f"{found.summary.verdict.value}: {found.n_steps} steps; the report is in {out}\n")
     return Exit.DONE

@@ -86,13 +86,12 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "figure": figure,
         "data": script_json(_data(run, events, scenes, advice)),
     }
-    return _template("run.html.j2", context)
+    return render_template("run.html.j2", context | {"script": _own("page.js"), "plotly": _plotly()})
 
 
-def _template(name: str, context: Mapping[str, Any]) -> str:
+def render_template(name: str, context: Mapping[str, Any]) -> str:
+    """Return a template filled with what it needs; every text is escaped but our own style and script."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
     environment = Environment(
         loader=PackageLoader("mdtopo.report"),
@@ -101,13 +100,20 @@ def _template(name: str, context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    folder = files("mdtopo.report") / "templates"
-    # our own files and plotly's: the only text that is not escaped
-    parts = {name: Markup((folder / name).read_text("utf-8")) for name in ("style.css", "page.js")}
-    library = Markup(get_plotlyjs().replace("</script", "<\\/script"))
-    return environment.get_template(name).render(
-        **context, style=parts["style.css"], script=parts["page.js"], plotly=library
-    )
+    return environment.get_template(name).render(**context, style=_own("style.css"))
+
+
+def _own(name: str) -> Any:
+    from markupsafe import Markup
+
+    return Markup((files("mdtopo.report") / "templates" / name).read_text("utf-8"))
+
+
+def _plotly() -> Any:
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    return Markup(get_plotlyjs().replace("</script", "<\\/script"))
 
 
 def script_json(values: Any) -> Any:
