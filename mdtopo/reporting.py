@@ -21,7 +21,7 @@ from mdtopo.report import (
     render_page,
     step_path,
 )
-from mdtopo.store import read_results
+from mdtopo.store import read_so_far
 
 MOST_SCENES = 16
 """Events that are shown with a picture and a 3D view: the worst."""
@@ -33,7 +33,7 @@ def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overw
     Parameters
     ----------
     results : Path
-        The results file.
+        The results file; of a run that has not ended, its finished parts are shown.
     out : Path
         The page.
     inputs : sequence of Path
@@ -50,7 +50,7 @@ def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overw
         If the page cannot be written, or exists already.
     """
     check_target(out, overwrite=overwrite)
-    run = RunData.of(results, read_results(results))
+    run = RunData.of(results, read_so_far(results))
     scenes, why = event_scenes(run, inputs)
     write_text(out, render_page(run, scenes, no_views=why))
     return run

@@ -72,5 +72,6 @@ def run(arguments: argparse.Namespace) -> Exit:
         found = write_report(arguments.results[0], out, arguments.input, overwrite=overwrite)
         if arguments.multiqc:
             write_multiqc(found, out, overwrite=overwrite)
-    sys.stdout.write(f"{found.summary.verdict.value}: {found.n_steps} steps; the report is in {out}\n")
+    so_far = " in finished parts, the run has not ended" if found.in_progress else ""
+    sys.stdout.write(f"{found.summary.verdict.value}: {found.n_steps} steps{so_far}; the report is in {out}\n")
     return Exit.DONE

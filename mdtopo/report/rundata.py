@@ -68,8 +68,6 @@ class RunData:
         The `StepState` of each step.
     summary : RunSummary
         Worked out again from the columns, so that it exists for a run without an end too.
-    in_progress : bool
-        Whether the run is still being measured.
     """
 
     path: Path
@@ -77,10 +75,9 @@ class RunData:
     config: MonitorConfig
     states: Codes
     summary: RunSummary
-    in_progress: bool = False
 
     @classmethod
-    def of(cls, path: Path, results: Results, *, in_progress: bool = False) -> "RunData":
+    def of(cls, path: Path, results: Results) -> "RunData":
         """Return the run of a results file.
 
         Raises
@@ -97,7 +94,12 @@ class RunData:
         steps = results.steps
         states = step_states(steps["verdict"], steps["rung"], steps[CRITERION_COLUMN[config.criterion]], config)
         summary = _summary(path, results, states)
-        return cls(path, results, config, states, summary, in_progress)
+        return cls(path, results, config, states, summary)
+
+    @property
+    def in_progress(self) -> bool:
+        """Whether these are the finished parts of a run that has not ended."""
+        return self.results.in_progress
 
     @property
     def n_steps(self) -> int:

@@ -16,7 +16,7 @@ from mdtopo.store.parts import (
 )
 from mdtopo.store.provenance import InputFile, Provenance, collect_provenance, fingerprint
 from mdtopo.store.reader import Results, read_results
-from mdtopo.store.running import read_running
+from mdtopo.store.running import read_running, read_so_far
 from mdtopo.store.schema import SCHEMA
 from mdtopo.store.tables import stored_tables
 from mdtopo.store.writer import ResultsWriter
@@ -41,6 +41,7 @@ __all__ = [
     "part_tables",
     "read_results",
     "read_running",
+    "read_so_far",
     "read_state",
     "remove_folder",
     "stored_tables",

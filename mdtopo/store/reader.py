@@ -88,6 +88,11 @@ class Results:
     bonds: tuple[BondState, BondState] | None = None
     in_progress: bool = False
 
+    @property
+    def n_steps(self) -> int:
+        """Number of steps, by the columns that were read."""
+        return len(next(iter(self.steps.values()), ()))
+
     def plot(self, ax: Any = None) -> "Axes":
         """Return matplotlib axes with clearance, ratio, limit and alerts over time; see `plot_steps`."""
         return plot_steps(self.steps, self.first_step, MonitorConfig.from_mapping(self.config), self.alerts, ax)
@@ -99,11 +104,11 @@ class Results:
     def _repr_html_(self) -> str:
         """Return a table for a notebook."""
         state = "complete" if self.complete else "not complete"
-        strands, n_steps = self.strands, len(next(iter(self.steps.values()), ()))
+        strands = self.strands
         rows: list[tuple[str, object]] = [
             ("verdict", self.summary.get("verdict", "none yet")),
             ("run", state),
-            ("steps", n_steps),
+            ("steps", self.n_steps),
             (
                 "strands",
                 f"{strands.n_strands} ({', '.join(strands.names[:5])}{', …' if strands.n_strands > 5 else ''})",

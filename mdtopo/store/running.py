@@ -7,10 +7,33 @@ from pathlib import Path
 
 import numpy as np
 
-from mdtopo.errors import InputError
+from mdtopo.errors import InputError, MissingFileError
 from mdtopo.records import Crossings
 from mdtopo.store.parts import folder_of
 from mdtopo.store.reader import Results, read_results
+
+
+def read_so_far(out: str | os.PathLike[str]) -> Results:
+    """Return what a results file holds, or, where the run has not ended and there is none, its finished parts.
+
+    Raises
+    ------
+    MissingFileError
+        If there is neither.
+    InputError
+        As `read_results` and `read_running`.
+    """
+    try:
+        return read_results(out)
+    except MissingFileError:
+        if not folder_of(Path(out)).is_dir():
+            raise
+    try:
+        return read_running(out)
+    except InputError:
+        if not Path(out).exists():
+            raise
+    return read_results(out)  # the run has ended meanwhile, and its parts are gone
 
 
 def read_running(out: str | os.PathLike[str], *, columns: Collection[str] | None = None) -> Results:
@@ -26,12 +49,17 @@ def read_running(out: str | os.PathLike[str], *, columns: Collection[str] | None
     Raises
     ------
     InputError
-        If no part is finished, or one is damaged.
+        If no part is finished, or one is missing or damaged.
     """
     paths = sorted(folder_of(Path(out)).glob("part-*.h5"))
     if not paths:
         raise InputError(f"{out} has no finished part yet; wait for the run, or start it.")
     parts = [read_results(path, columns=columns) for path in paths]
+    step = 0
+    for path, part in zip(paths, parts, strict=True):
+        if part.steps and part.first_step != step:  # rows would be taken for other steps
+            raise InputError(f"{path} begins with step {part.first_step} where step {step} belongs; a part is missing.")
+        step += part.n_steps
     first, last = parts[0], parts[-1]
     bonds = None if first.bonds is None or last.bonds is None else (first.bonds[0], last.bonds[1])
     return replace(

@@ -17,10 +17,12 @@ import pytest
 from mdtopo import Strands, monitor, read_results
 from mdtopo.cli import main
 from mdtopo.errors import InputError, OutputError
+from mdtopo.pipeline import PartLength, StopRequest
 from mdtopo.records import MonitorConfig, StepState
 from mdtopo.report import RunData, render_page
 from mdtopo.report.envelope import MOST_BINS
 from mdtopo.reporting import write_report
+from mdtopo.store import read_running
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>"
 EIGHT_MB = 8_000_000
@@ -177,7 +179,47 @@ def test_an_incomplete_run_says_so(make: Callable[..., Path]) -> None:
     found = replace(read_results(results), complete=False, summary={"stopped": "frame 9 cannot be read"})
     text = render_page(RunData.of(results, found), {})
     assert "Incomplete: the run did not come to its end (frame 9 cannot be read)" in text
-    assert "in progress" in render_page(RunData.of(results, found, in_progress=True), {})
+
+
+def test_a_run_that_has_not_ended_is_in_progress(
+    make: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, out = make(bars(24)).with_suffix(".npz"), tmp_path / "half.h5"
+
+    class Stop(StopRequest):
+        left = 3
+
+        @property
+        def reason(self) -> str:
+            self.left -= 1
+            return "" if self.left > 0 else "enough"
+
+    config = MonitorConfig(motion="lab", block_steps=4)
+    parts = PartLength(steps=4)
+    assert monitor(source, out=out, config=config, threads=1, parts=parts, stop=Stop()).checkpoint
+    assert not out.exists()
+    assert main(["report", str(out)]) == 0
+    page = out.with_suffix(".html").read_text()
+    n_steps = Figures(page).counts["steps"]
+    assert n_steps == len(read_running(out).steps["verdict"]) < 23
+    assert "<strong>in progress</strong>" in page
+    assert page_data(page)["scenes"]
+    assert f"{n_steps} steps in finished parts, the run has not ended" in capsys.readouterr().out
+    assert monitor(source, out=out, config=config, threads=1).n_steps == 23
+    assert main(["report", str(out), "--overwrite"]) == 0
+    assert "in progress" not in out.with_suffix(".html").read_text().split("</header>")[0]
+
+
+def test_a_missing_part_is_said(make: Callable[..., Path], tmp_path: Path) -> None:
+    folder = tmp_path / "half.h5.parts"
+    folder.mkdir()
+    with pytest.raises(InputError, match="no finished part yet"):
+        write_report(tmp_path / "half.h5", tmp_path / "half.html")
+    part = make().read_bytes()  # holds the steps 0 to 6, so that these two cannot be one run
+    for name in ("part-0000000000.h5", "part-0000000014.h5"):
+        (folder / name).write_bytes(part)
+    with pytest.raises(InputError, match="begins with step 0 where step 7 belongs; a part is missing"):
+        write_report(tmp_path / "half.h5", tmp_path / "half.html")
 
 
 def test_files_that_are_no_results(make: Callable[..., Path], tmp_path: Path) -> None:
