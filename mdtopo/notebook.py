@@ -22,13 +22,16 @@ BLUE, ORANGE = "#0072B2", "#D55E00"
 WIDE = 5.0
 """A ratio beyond this would press the limit, 1, to the foot of a linear axis."""
 
+BELOW = -0.06
+"""Where alerts are marked: between the panels, in shares of the upper one's height, where they hide no line."""
+
 MARKERS = {Severity.WARNING: ("v", "#E69F00"), Severity.CRITICAL: ("X", "#000000")}
 
 
 def plot_steps(
     columns: Columns, first_step: int, config: MonitorConfig, alerts: Iterable[Alert], ax: Any = None
 ) -> "Axes":
-    """Return matplotlib axes with the clearance of each step, its ratio on a second axis, and where alerts are worst.
+    """Return matplotlib axes with the clearance of each step, its ratio in a panel below, and where alerts are worst.
 
     Parameters
     ----------
@@ -39,25 +42,28 @@ def plot_steps(
     config : MonitorConfig
         Says which ratio is shown (2m/ν for the criterion nu, else the pair ratio), and the limits.
     alerts : iterable of Alert
-        Warnings and critical ones are marked at the foot, at their worst step.
+        Warnings and critical ones are marked between the panels, at their worst step.
     ax : matplotlib Axes, optional
-        Where to draw; by default new ones.
+        Where to draw: they become the upper panel, and the lower one takes half their place. By default new ones.
     """
     from matplotlib import pyplot
+    from mpl_toolkits.axes_grid1 import make_axes_locatable  # type: ignore[import-untyped]
 
-    axes: Any = pyplot.subplots(figsize=(8.0, 3.6), layout="constrained")[1] if ax is None else ax
+    axes: Any = pyplot.subplots(figsize=(8.0, 4.8))[1] if ax is None else ax
     times = columns["time_t0"]
     in_time = bool(np.isfinite(times).all())
     x = times if in_time else first_step + np.arange(len(times))
     name = "nu_ratio" if config.criterion == "nu" else "pair_ratio"
-    ratio_axes = axes.twinx()
+    # two panels, because the two swing against each other and hide each other in one
+    ratio_axes = make_axes_locatable(axes).append_axes("bottom", size="100%", pad=0.25, sharex=axes)
     axes.plot(x, columns["clearance"], color=BLUE, linewidth=1.0, label="clearance")
-    ratio_axes.plot(x, columns[name], color=ORANGE, linewidth=1.0, linestyle="--", label=name.replace("_", " "))
+    ratio_axes.plot(x, columns[name], color=ORANGE, linewidth=1.0, label=name.replace("_", " "))
     limited = axes if CRITERION_COLUMN[config.criterion] == "clearance" else ratio_axes
     limited.axhline(config.near_limit, color="gray", linewidth=0.8, linestyle=":", label="near-limit threshold")
     _mark_alerts(axes, x, first_step, alerts)
-    axes.set(xlabel="time (ps)" if in_time else "step", ylabel="clearance (Å)")
-    ratio_axes.set_ylabel(f"{name.replace('_', ' ')} (1 is the limit)")
+    axes.set_ylabel("clearance (Å)")
+    axes.tick_params(labelbottom=False)
+    ratio_axes.set(xlabel="time (ps)" if in_time else "step", ylabel=f"{name.replace('_', ' ')} (1 is the limit)")
     axes.set_ylim(bottom=0.0)
     if np.nanmax(columns[name], initial=0.0) > WIDE:
         ratio_axes.set_yscale("log")
@@ -77,7 +83,7 @@ def _mark_alerts(axes: Any, x: NDArray[Any], first_step: int, alerts: Iterable[A
         if len(rows):
             places = {"transform": axes.get_xaxis_transform(), "clip_on": False, "zorder": 3}
             label = f"{severity.name.lower()} alerts"
-            axes.plot(x[rows], np.full(len(rows), 0.03), marker, color=color, markersize=5, label=label, **places)
+            axes.plot(x[rows], np.full(len(rows), BELOW), marker, color=color, markersize=5, label=label, **places)
 
 
 def steps_dataframe(columns: Columns, first_step: int) -> Any:

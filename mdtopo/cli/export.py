@@ -44,7 +44,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     """Add the command."""
     parser = commands.add_parser(
         "export",
-        help="write strands as VTKHDF, PDB or XYZ, frames or moments between them",
+        help="write strands, or their smooth curves, as VTKHDF, PDB or XYZ",
         usage="mdtopo export [options] RESULTS -o FILE [TOPOLOGY TRAJECTORY ...]",
         description=DESCRIPTION,
         epilog=EXAMPLE + EXIT_HELP,
@@ -145,6 +145,8 @@ def _refuse_target(arguments: argparse.Namespace, taken: list[Path]) -> None:
     out: Path = arguments.out
     if out.resolve() in {path.resolve() for path in taken}:
         raise OutputError(f"{out} is a file that is read here; choose another name.")
+    if not out.parent.is_dir():
+        raise OutputError(f"{out} cannot be written: there is no directory {out.parent}.")
     if out.exists() and not arguments.overwrite:
         raise OutputError(f"{out} exists already; choose another name, or pass --overwrite.")
 

@@ -49,6 +49,12 @@ def test_the_plot_holds_every_step_the_limit_and_the_alerts(run: tuple[mdtopo.Ru
     assert list(lines["near-limit threshold"].get_ydata()) == [0.8, 0.8]
     peaks = [alert.step_peak for alert in results.alerts if alert.severity.name == "WARNING"]
     assert sorted(lines["warning alerts"].get_xdata()) == sorted(peaks)
+    upper, lower = ax.figure.axes
+    assert lines["pair ratio"].axes is lines["near-limit threshold"].axes is lower
+    assert lines["clearance"].axes is upper is ax
+    ax.figure.canvas.draw()
+    assert lower.get_position().y1 < upper.get_position().y0  # neither hides the other
+    assert lower.get_yscale() == ("log" if results.steps["pair_ratio"].max() > 5 else "linear")
     own = pyplot.figure().add_subplot()
     assert results.plot(own) is own
     pyplot.close("all")

@@ -101,6 +101,9 @@ def test_wrong_input_exits_with_4_and_one_sentence(cli: Callable, results: Path)
     for words in (["--what", "event", "--step", 11], ["--what", "polyline", "--frames", "90:"]):
         outcome = export(cli, results, "a.xyz", *words)
         assert (outcome.code, len(outcome.err.splitlines())) == (Exit.BAD_INPUT, 1)
+    gone = results.parent / "gone" / "a.vtkhdf"
+    outcome = cli("export", results, "-o", gone, "--what", "polyline", "--format", "vtkhdf")
+    assert (outcome.code, "there is no directory" in outcome.err) == (Exit.BAD_INPUT, True)
     outcome = cli("export", results, "-o", results, "--what", "polyline", "--format", "xyz", "--overwrite")
     assert (outcome.code, "is read here" in outcome.err) == (Exit.BAD_INPUT, True)
 
