@@ -13,6 +13,11 @@ from mdtopo.records import MonitorConfig
 
 OPTIONS = tuple(option for option in ALL_OUTPUT_OPTIONS if option.name in ("alerts", "overwrite", "fail-on", "quiet"))
 
+DESCRIPTION = """\
+Join results files of ranges of frames of one trajectory, which share one frame each, to the one that a single run would
+have written. Steps that are missing or doubled are refused.
+"""
+
 EXAMPLE = """\
 example:
   mdtopo monitor top.pdb traj.xtc --frames 0:501 -o a.h5
@@ -27,8 +32,8 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "merge",
         help="join the results of ranges of frames",
-        description="Join results files of ranges of frames of one trajectory, which share one frame each, to the one "
-        "that a single run would have written. Steps that are missing or doubled are refused.",
+        usage="mdtopo merge [options] RESULTS [RESULTS ...] -o FILE",
+        description=DESCRIPTION,
         epilog=EXAMPLE + EXIT_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

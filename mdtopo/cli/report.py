@@ -25,7 +25,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser = commands.add_parser(
         "report",
         help="one self-contained page from a results file",
-        usage="mdtopo report [options] RESULTS [RESULTS ...] -o PAGE",
+        usage="mdtopo report [options] RESULTS [RESULTS ...] [-o PAGE]",
         description=DESCRIPTION,
         epilog=EXAMPLE + EXIT_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,

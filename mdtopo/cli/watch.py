@@ -29,9 +29,12 @@ example:
 
 """
 
+NOT_FOR_A_WATCH = frozenset({"out", "report", "threads", "max-hours", "part-minutes", "part-steps"})
+"""They are about results files, which a watch does not write, and about runs that are put down and go on."""
+
 OPTIONS = (
     *(option for option in INPUT_OPTIONS if option.name != "frames"),
-    *(option for option in OUTPUT_OPTIONS if option.name not in ("out", "threads")),
+    *(option for option in OUTPUT_OPTIONS if option.name not in NOT_FOR_A_WATCH),
     *knob_options(),
 )
 

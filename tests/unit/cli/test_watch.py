@@ -103,3 +103,10 @@ def test_times_are_checked(cli: Callable, value: str) -> None:
     outcome = cli("watch", "a.pdb", "b.xtc", f"--idle-timeout={value}")
     assert outcome.code == Exit.USAGE
     assert "is not a number of seconds above 0" in outcome.err
+
+
+@pytest.mark.parametrize("words", [["--report", "a.html"], ["--max-hours", "1"], ["--part-steps", "5"]], ids=" ".join)
+def test_an_option_that_would_do_nothing_is_no_option(cli: Callable, words: list[str]) -> None:
+    outcome = cli("watch", "top.pdb", "traj.xtc", *words)
+    assert outcome.code == Exit.USAGE
+    assert "unrecognized arguments" in outcome.err
