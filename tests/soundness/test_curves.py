@@ -10,7 +10,7 @@ import pytest
 from oracles.curves import Meeting, Meetings, Place
 from soundness.curves import FAMILIES, Claim, Motion, Points, Tally, complaint, is_touching, judged
 
-from mdtopo import d_star
+from mdtopo import CompositeBezier, Verdict, curve_step, d_star
 
 MOTIONS = 60
 CAMPAIGN = int(os.environ.get("MDTOPO_CURVE_CAMPAIGN", "20000"))
@@ -58,6 +58,21 @@ def as_printed(motion: Motion) -> Claim:
     return SURE if moved < d_star(np.diff(motion.start[0], axis=0)) else NOTHING
 
 
+def by_curve_step(motion: Motion) -> Claim:
+    """Say what the package says of the step from one curve to the other, its crossings with their signs."""
+    start, end = (
+        CompositeBezier.from_control_points(x, lengths=motion.lengths, closed=motion.closed)
+        for x in (motion.start, motion.end)
+    )
+    report = curve_step(start, end)
+    passages = tuple(
+        Meeting(c.t, *(Place(k, u) for k, u in zip(c.segments, c.parameters, strict=True)), c.sign)
+        for c in report.crossings
+    )
+    undecided = report.verdict is Verdict.UNRESOLVED or report.n_open > 0
+    return Claim(report.verdict is Verdict.CERTIFIED, undecided, passages)
+
+
 def said(name: str, tally: Tally) -> None:
     print("\n" + tally.sentence(name))  # noqa: T201 - how many motions a campaign judged is its result
     assert not tally.false, tally.false[0]
@@ -78,6 +93,32 @@ def test_no_certificate_by_hulls_is_false(name: str) -> None:
 @pytest.mark.parametrize("name", HULLS)
 def test_no_certificate_by_hulls_is_false_in_a_long_campaign(name: str) -> None:
     said(name, judged(name, generator(name, 1), -(-CAMPAIGN // len(HULLS)), by_hulls))
+
+
+JUDGED = {
+    "composite": 60,
+    "spline": 60,
+    "near touching": 60,
+    "grazing": 60,
+    "sized": 60,
+    "nearly cusped": 60,
+    "folds": 60,
+    "exact touch": 10,
+}
+"""Motions of each family; the exact judge takes from a hundredth of a second to a second for one."""
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_no_answer_of_curve_step_is_false(name: str) -> None:
+    tally = judged(name, generator(name, 2), JUDGED[name], by_curve_step)
+    said(name, tally)
+    assert tally.certified + tally.crossing > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAMILIES)
+def test_no_answer_of_curve_step_is_false_in_a_long_campaign(name: str) -> None:
+    said(name, judged(name, generator(name, 3), -(-CAMPAIGN * JUDGED[name] // sum(JUDGED.values())), by_curve_step))
 
 
 def single(rng: np.random.Generator) -> Motion:
