@@ -133,7 +133,7 @@ def _placed(arc: Arc, panels: Panels, epsilon: float) -> NDArray[np.float64]:
         if len(placed) == 0:
             raise InputError(
                 f"ε = {epsilon:g} Å would need more than {MOST_VERTICES:,} vertices, or steps below the digits of the "
-                "parameter; ask for less."
+                "parameter; choose a greater one."
             )
         found.append(placed[1:])
     return np.concatenate(found)

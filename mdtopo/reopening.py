@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mdtopo.errors import InputError
+from mdtopo.errors import InputError, MissingFileError
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
 from mdtopo.records import Frame
 from mdtopo.store import Results, fingerprint
@@ -26,20 +26,26 @@ def input_files(results: Path, found: Results, given: Sequence[Path]) -> tuple[l
     Raises
     ------
     InputError
-        If one is missing, or is not as it was.
+        If one is missing (`MissingFileError`), or is not as it was.
     """
     stored = found.provenance["inputs"]
     if not stored and not given:
         raise InputError(f"{results} was made from an object in memory; name the topology and the trajectory.")
     if stored and given and len(stored) != len(given):
         raise InputError(
-            f"{results} was made from {len(stored)} files, and {len(given)} are named; name all in order, or none."
+            f"{results} was made from {len(stored)} {'file' if len(stored) == 1 else 'files'}, and {len(given)} "
+            f"{'is' if len(given) == 1 else 'are'} named; name all in order, or none."
         )
     paths = [Path(path) for path in given] or [Path(entry["path"]) for entry in stored]
     notes = (
         [] if stored else ["the results do not say from which files they were made, so nobody knows if these are it"]
     )
     for path, entry in zip(paths, stored, strict=bool(stored)):
+        if not path.exists():
+            raise MissingFileError(
+                f"{path} does not exist, and {results} was made from it; name all input files, in their order, where "
+                "they are now."
+            )
         now = fingerprint(path)
         for key, word in (("size", "size"), ("sha256_of_size_and_first_and_last_mebibyte", "content")):
             if getattr(now, key) != entry[key]:

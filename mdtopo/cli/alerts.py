@@ -108,6 +108,8 @@ def _read(arguments: argparse.Namespace) -> "tuple[list[Alert], Strands, Monitor
     except OptionError as error:
         arguments.parser.error(str(error))
     results = read_results(arguments.results, columns=())
+    if not results.complete:
+        say(f"{arguments.results} is not complete: these are the alerts of the steps that it holds.")
     stored = MonitorConfig.from_mapping(results.config)
     config = replace(stored, **given)
     if not given:

@@ -156,6 +156,8 @@ def _headline(found: "Verification") -> str:
         return "DIFFERS: the results file contradicts itself."
     if not found.checks:
         return "AGREES: but no step was checked."
+    if len(found.checks) == 1:
+        return "AGREES: the one step that was checked."
     return f"AGREES: all of the {len(found.checks)} steps that were checked."
 
 

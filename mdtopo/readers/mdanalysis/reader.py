@@ -19,6 +19,9 @@ from mdtopo.records import Frame, Strands
 from mdtopo.strands import Traces, strands_from_atoms
 from mdtopo.typing import Cell, Indices
 
+SHOWN_NAMES = 8
+"""Names of atoms in one sentence."""
+
 
 class MDAnalysisReader(Reader):
     """Frames and strands of whatever MDAnalysis opens.
@@ -182,10 +185,18 @@ def _selected(opened: Opened, select: str | None) -> tuple[Any, list[str]]:
         ) from error
     if not len(group):
         raise SelectionError(
-            f"The selection {select!r} matches none of the {len(within)} atoms; check names with "
-            "'mdtopo doctor', or leave it out for the default trace."
+            f"The selection {select!r} matches none of the {len(within)} atoms{_names_there(within)}; leave it out for "
+            "the default trace, which 'mdtopo doctor' shows."
         )
     return group, []
+
+
+def _names_there(within: Any) -> str:
+    """Return what atoms are called there, in words; nothing where the topology does not name them."""
+    names = sorted({name for name in getattr(within, "names", ()) if name and name.isprintable()})
+    if not names:
+        return ""
+    return f", which are called {', '.join(names[:SHOWN_NAMES])}{', ...' if len(names) > SHOWN_NAMES else ''}"
 
 
 def _select(within: Any, select: str, opened: Opened) -> Any:

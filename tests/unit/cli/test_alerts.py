@@ -127,3 +127,12 @@ def test_a_reader_that_goes_away_is_no_error(results: Path) -> None:
     outcome = subprocess.run(["bash", "-o", "pipefail", "-c", command], capture_output=True, text=True, check=False)
     assert outcome.stderr == ""
     assert outcome.stdout.startswith("schema,id,kind,severity,")
+
+
+def test_results_that_are_not_complete_are_called_so(cli: Callable, results: Path) -> None:
+    whole = cli("alerts", results).out
+    with h5py.File(results, "r+") as file:
+        file.attrs["complete"] = False
+    outcome = cli("alerts", results)
+    assert (outcome.code, outcome.out) == (Exit.DONE, whole)
+    assert outcome.err == f"mdtopo: {results} is not complete: these are the alerts of the steps that it holds.\n"

@@ -60,7 +60,10 @@ def test_a_trajectory_that_is_gone_exits_with_4(cli: Callable, results: Path, tm
     (tmp_path / "tiny.npz").rename(tmp_path / "moved.npz")
     outcome = cli("verify", results)
     assert (outcome.code, outcome.out) == (Exit.BAD_INPUT, "")
-    assert outcome.err == f"mdtopo: {tmp_path / 'tiny.npz'} cannot be read (No such file or directory).\n"
+    assert outcome.err == (
+        f"mdtopo: {tmp_path / 'tiny.npz'} does not exist, and {results} was made from it; name all input files, in "
+        "their order, where they are now.\n"
+    )
     assert cli("verify", results, tmp_path / "moved.npz").code == Exit.DONE
 
 
@@ -100,6 +103,7 @@ def test_what_is_left_out_is_said(cli: Callable, results: Path) -> None:
     outcome = cli("verify", results, "--max-steps", 2)
     assert outcome.out.startswith("AGREES: all of the 2 steps")
     assert "  note: 9 more were left out (--max-steps)\n" in outcome.out
+    assert cli("verify", results, "--max-steps", 1).out.startswith("AGREES: the one step that was checked.")
     assert cli("verify", results, "--max-steps", 0).out.startswith("AGREES: but no step was checked.")
 
 

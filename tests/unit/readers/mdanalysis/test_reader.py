@@ -180,7 +180,7 @@ class TestSelection:
             ("nme CA", "'nme CA' is malformed.*nme"),
             ("name CA and", "malformed"),
             ("chainID A", "asks for what the topology does not hold"),
-            ("name XX", "matches none of the 45 atoms"),
+            ("name XX", "matches none of the 45 atoms, which are called"),
             ("", "matches none of the 45 atoms"),
         ],
     )
