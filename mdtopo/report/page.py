@@ -1,13 +1,11 @@
 """One run as one page: everything inlined, so that it opens anywhere and asks the network for nothing."""
 
-import base64
 import json
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mdtopo.records import Grade, Severity, StepState
 from mdtopo.records.headline import headline, state_meanings
@@ -15,16 +13,20 @@ from mdtopo.report.cards import pair_cards, pair_in_words, strand_cards
 from mdtopo.report.envelope import bin_starts, envelope, worst_states
 from mdtopo.report.events import Event, ranked_events, severity_word
 from mdtopo.report.interval import IntervalAdvice, interval_advice, percent
-from mdtopo.report.picture import event_picture
 from mdtopo.report.rundata import RunData
 from mdtopo.report.scene import Scene
 from mdtopo.report.snippets import snippets
+from mdtopo.report.views import View, packed, views_of
 
 MOST_LISTED = 200
 """Alerts in the list; the sentence below it says how many there are beside."""
 
-MOST_CARDS = 12
-MOST_MARKERS = 4000
+MOST_CARDS, MOST_FOLDED = 12, 200
+MOST_MARKERS, MOST_MESSAGES = 2000, 1000
+"""Alert markers over time, one for each alert; and those of them, the worst, that keep the message of their alert."""
+
+PLACES = 250
+"""Markers of one kind side by side on a screen, where there are too many for one each."""
 
 SHAPES = {
     StepState.BALL: ("●", "#009E73"),
@@ -60,6 +62,7 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         One sentence that says why there are none, where there are none.
     """
     events = ranked_events(run)
+    views = views_of(events[:MOST_LISTED], scenes)
     scale, unit = time_unit(run)
     advice = interval_advice(run)
     context = {
@@ -72,7 +75,8 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "strand_cards": strand_cards(run),
         "pair_cards": pair_cards(run),
         "most_cards": MOST_CARDS,
-        "events": [_event_row(run, event, scenes) for event in events[:MOST_LISTED]],
+        "most_folded": MOST_FOLDED,
+        "events": [_event_row(run, event, views) for event in events[:MOST_LISTED]],
         "n_more": max(0, len(events) - MOST_LISTED),
         "advice": advice,
         "percent": percent,
@@ -84,7 +88,7 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "provenance": run.results.provenance,
         "gaps": run.results.strands.gaps,
         "figure": figure,
-        "data": script_json(_data(run, events, scenes, advice)),
+        "data": script_json(_data(run, events, views, advice)),
     }
     return render_template("run.html.j2", context | {"script": _own("page.js"), "plotly": _plotly()})
 
@@ -224,11 +228,10 @@ def _unchecked(run: RunData) -> str:
     return f"{'; '.join(words)}."
 
 
-def _event_row(run: RunData, event: Event, scenes: Mapping[str, Scene]) -> dict[str, Any]:
+def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[str, Any]:
     atoms = sorted({vertex for edge in event.edges for vertex in edge})
     indices = run.results.strands.labels.atom_index[atoms].tolist() if atoms else []
     paths = [entry["path"] for entry in run.results.provenance.get("inputs", [])]
-    scene = scenes.get(event.alert.id)
     shape, colour = SEVERITY_SHAPES[event.alert.severity]
     return {
         "alert": event.alert,
@@ -240,8 +243,7 @@ def _event_row(run: RunData, event: Event, scenes: Mapping[str, Scene]) -> dict[
         "frames": event.frames,
         "times": event.times,
         "snippets": snippets(paths, event.frames, indices) if event.frames else {},
-        "scene": scene,
-        "picture": event_picture(scene) if scene is not None else "",
+        "view": views.get(event.alert.id),
     }
 
 
@@ -263,12 +265,8 @@ def _coverage(run: RunData) -> dict[str, Any]:
     }
 
 
-def _packed(values: NDArray[Any], dtype: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=dtype).tobytes()).decode()
-
-
 def _data(
-    run: RunData, events: list[Event], scenes: Mapping[str, Scene], advice: IntervalAdvice | None
+    run: RunData, events: list[Event], views: Mapping[str, View], advice: IntervalAdvice | None
 ) -> dict[str, Any]:
     """Return what the script draws, ready for JSON; arrays are little-endian bytes in base64."""
     starts = bin_starts(run.n_steps)
@@ -282,23 +280,23 @@ def _data(
     for name in ("clearance", "pair_ratio", "nu_ratio"):
         e = envelope(run.columns[name], starts)
         series[name] = {
-            "least": _packed(e.least, "<f8"),
-            "least_step": _packed(e.least_row + run.results.first_step, "<i4"),
-            "greatest": _packed(e.greatest, "<f8"),
-            "greatest_step": _packed(e.greatest_row + run.results.first_step, "<i4"),
+            "least": packed(e.least, "<f8"),
+            "least_step": packed(e.least_row + run.results.first_step, "<i4"),
+            "greatest": packed(e.greatest, "<f8"),
+            "greatest_step": packed(e.greatest_row + run.results.first_step, "<i4"),
         }
     return {
-        "x": _packed(x, "<f8"),
+        "x": packed(x, "<f8"),
         "x_title": f"time ({unit})" if run.has_times else "step",
         "first_step": run.results.first_step,
-        "states": _packed(worst_states(run.states, starts), "<i1"),
+        "states": packed(worst_states(run.states, starts), "<i1"),
         "state_names": [word for word, _ in state_meanings(run.config).values()],
         "state_colours": [colour for _, colour in SHAPES.values()],
         "series": series,
         "criterion": run.config.criterion,
         "near_limit": run.config.near_limit,
         "alerts": _markers(run, events, scale),
-        "scenes": {key: _scene_data(scene) for key, scene in scenes.items()},
+        "scenes": {key: view.data for key, view in views.items()},
         "interval": _interval_data(advice),
     }
 
@@ -310,7 +308,7 @@ def _markers(run: RunData, events: list[Event], scale: float) -> list[dict[str, 
     crowd: dict[tuple[str, int], dict[str, Any]] = {}
     for event in timed:  # the worst comes first, so it is the one that is shown
         alert = event.alert
-        place = alert.step_peak if len(timed) <= MOST_MARKERS else run.row(alert.step_peak) * 2000 // width
+        place = alert.step_peak if len(timed) <= MOST_MARKERS else run.row(alert.step_peak) * PLACES // width
         key = (alert.kind.value, place)
         if key in crowd:
             crowd[key]["n"] += 1
@@ -322,27 +320,9 @@ def _markers(run: RunData, events: list[Event], scale: float) -> list[dict[str, 
             "x": x,
             "step": alert.step_peak,
             "n": 1,
-            "text": alert.message,
+            "text": alert.message if len(crowd) < MOST_MESSAGES else f"step {alert.step_peak}",
         }
     return list(crowd.values())
-
-
-def _scene_data(scene: Scene) -> dict[str, Any]:
-    return {
-        "pieces": [
-            {
-                "strand": piece.strand,
-                "labels": list(piece.labels),
-                "x0": _packed(piece.x0, "<f4"),
-                "x1": _packed(piece.x1, "<f4"),
-            }
-            for piece in scene.pieces
-        ],
-        "marked": [[x0.tolist(), x1.tolist()] for x0, x1 in scene.marked],
-        "t": scene.t,
-        "eye": scene.eye.tolist(),
-        "radius": scene.radius,
-    }
 
 
 def _interval_data(advice: IntervalAdvice | None) -> dict[str, Any] | None:

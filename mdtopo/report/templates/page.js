@@ -10,7 +10,8 @@ const unpack = (text, Type) => {
   return new Type(bytes.buffer);
 };
 const FONT = { family: "system-ui, sans-serif", size: 13, color: "#1d2430" };
-const CONFIG = { displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+// on a narrow screen the buttons would lie on the legend
+const CONFIG = { displaylogo: false, responsive: true, displayModeBar: window.innerWidth > 760, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
 const wrap = (text, width) => {
   const lines = [""];
   for (const word of String(text).split(" ")) {

@@ -18,10 +18,11 @@ from mdtopo import Strands, monitor, read_results
 from mdtopo.cli import main
 from mdtopo.errors import InputError, OutputError
 from mdtopo.pipeline import PartLength, StopRequest
-from mdtopo.records import MonitorConfig, StepState
-from mdtopo.report import RunData, render_page
+from mdtopo.records import AlertKind, MonitorConfig, StepState
+from mdtopo.report import RunData, ranked_events, render_page
 from mdtopo.report.envelope import MOST_BINS
-from mdtopo.reporting import write_report
+from mdtopo.report.scene import Piece
+from mdtopo.reporting import event_scenes, write_report
 from mdtopo.store import read_running
 
 HOSTILE = "</script><script>document.title='owned'</script><img src=x onerror=alert(1)>"
@@ -154,6 +155,38 @@ def test_one_near_limit_step_in_a_million(make: Callable[..., Path]) -> None:
     assert len(greatest) <= MOST_BINS
     assert Figures(text).counts["near the limit"] == 1
     assert len(text.encode()) < EIGHT_MB
+
+
+def test_a_crowded_run_stays_below_eight_megabytes(make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A million steps, ten thousand alerts of every kind, and sixteen views of 600 vertices with long labels."""
+    # pictures of a melt have up to 67 000 bytes here, and take seconds to draw
+    monkeypatch.setattr("mdtopo.report.views.event_picture", lambda _: "data:image/webp;base64," + 100_000 * "A")
+    results = make()
+    whole = RunData.of(results, read_results(results))
+    scene = next(iter(event_scenes(whole)[0].values()))
+    run, rng = million(whole, 5), np.random.default_rng(7)
+    run.columns["clearance"][:] = rng.random(run.n_steps)
+    kinds = tuple(AlertKind)
+    alert = whole.results.alerts[0]
+    alerts = tuple(
+        replace(alert, id=f"a-{k}", kind=kinds[k % len(kinds)], step_peak=100 * k, message=f"{alert.message} {k}" * 2)
+        for k in range(10_000)
+    )
+    run = RunData.of(results, replace(run.results, alerts=alerts))
+    crowded = {}
+    for event in ranked_events(run)[:16]:
+        x = scene.radius * rng.uniform(-1.0, 1.0, (2, 600, 3))
+        pieces = [
+            Piece(f"strand {k}", ("ALPHA:GLY1234:C3'",) * 20, x[0, k : k + 20], x[1, k : k + 20])
+            for k in range(0, 600, 20)
+        ]
+        crowded[event.alert.id] = replace(scene, pieces=tuple(pieces))
+    text = render_page(run, crowded)
+    data = page_data(text)
+    assert len(text.encode()) < EIGHT_MB
+    assert 8 <= len(data["scenes"]) <= 16
+    assert text.count('class="view"') == len(data["scenes"])
+    assert sum(marker["n"] for marker in data["alerts"]) == sum(kind is not AlertKind.GAP for kind in kinds) * 1250
 
 
 def test_no_trajectory_no_views(make: Callable[..., Path]) -> None:
