@@ -119,6 +119,13 @@ def sparse(rng: Generator) -> Step:
     return Step(x, x + 0.05 * rng.normal(size=x.shape), strands)
 
 
+def rods(rng: Generator) -> Step:
+    """Rods of one bundle each, all along x, nearly of one size: some that meet are as far apart as the grid looks."""
+    x = rng.uniform(size=(120, 1, 3)) * [60.0, 2.0, 2.0] + np.linspace([0.0, 0, 0], [4.0, 0, 0], 5)
+    x = x.reshape(-1, 3) + 0.02 * rng.normal(size=(600, 3))
+    return Step(x, x + 0.02 * rng.normal(size=x.shape), Strands.from_lengths([5] * 120))
+
+
 STEPS: dict[str, Callable[[Generator], Step]] = {
     "compact": compact,
     "large": large,
@@ -129,6 +136,7 @@ STEPS: dict[str, Callable[[Generator], Step]] = {
     "far moved": far_moved,
     "single precision": single_precision,
     "sparse": sparse,
+    "rods": rods,
 }
 
 
@@ -219,7 +227,12 @@ class Brute:
         code = found[:, 0] * len(pads) + found[:, 1]
         assert len(np.unique(code)) == len(code), "a pair is listed twice"
         assert np.isin(code, self.pairs[:, 0] * len(pads) + self.pairs[:, 1]).all(), "neighbours are listed"
-        return np.isin(self.pairs[:, 0] * len(pads) + self.pairs[:, 1], code)
+        listed = np.isin(self.pairs[:, 0] * len(pads) + self.pairs[:, 1], code)
+        boxes = edge_boxes(self.motion.x0, self.motion.x1, self.t.edges, pads)
+        one, other = boxes[self.pairs[:, 0]], boxes[self.pairs[:, 1]]
+        meet = ((one[:, :3] <= other[:, 3:]) & (other[:, :3] <= one[:, 3:])).all(axis=1)
+        assert (listed == meet).all(), "not the pairs whose boxes meet"
+        return listed
 
     def exact(self) -> Passages:
         """Return every crossing and contact, local pairs included, in exact arithmetic."""
