@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mdtopo.cli.alertformats import printable
 from mdtopo.cli.exits import EXIT_HELP, Exit
-from mdtopo.cli.options import VERBOSE, add_options
+from mdtopo.cli.options import VERBOSE, add_options, whole_number
 
 if TYPE_CHECKING:
     from mdtopo.explanation import Section
@@ -40,21 +40,15 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
-    parser.add_argument("step", metavar="STEP", type=_number, nargs="?", help="number of the step, counted from 0")
+    parser.add_argument("step", metavar="STEP", type=whole_number, nargs="?", help="number of the step, counted from 0")
     parser.add_argument(
         "--frame",
         metavar="N",
-        type=_number,
+        type=whole_number,
         help="instead of a step: the one that begins at this frame of the trajectory",
     )
     add_options(parser, (VERBOSE,))
     parser.set_defaults(run=run, parser=parser)
-
-
-def _number(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> Exit:

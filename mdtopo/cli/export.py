@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mdtopo.cli.exits import EXIT_HELP, Exit, say
 from mdtopo.cli.exportjob import IsotopyTally, Job
-from mdtopo.cli.options import VERBOSE, add_options, frame_slice
+from mdtopo.cli.options import VERBOSE, add_options, frame_slice, whole_number
 from mdtopo.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -70,8 +70,10 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument(
         "--frames", metavar="START:STOP:STEP", type=_frames, help="of the analysed frames, in their order"
     )
-    parser.add_argument("--step", metavar="N", type=_number, help="the step of the event, counted from 0")
-    parser.add_argument("--between", metavar="K", type=_number, help="K moments within the step, and its two frames")
+    parser.add_argument("--step", metavar="N", type=whole_number, help="the step of the event, counted from 0")
+    parser.add_argument(
+        "--between", metavar="K", type=whole_number, help="K moments within the step, and its two frames"
+    )
     parser.add_argument(
         "--allow-unproved", action="store_true", help="moments within a step that is not certified too; they are marked"
     )
@@ -87,12 +89,6 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
     add_options(parser, (VERBOSE,))
     parser.set_defaults(run=run, parser=parser)
-
-
-def _number(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
-    return int(text)
 
 
 def _length(text: str) -> float:

@@ -236,6 +236,19 @@ def knob_options() -> tuple[Option, ...]:
 MONITOR_OPTIONS = (*INPUT_OPTIONS, *OUTPUT_OPTIONS, *knob_options())
 
 
+def whole_number(text: str) -> int:
+    """Return the number, 0 or more, that an option holds.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is none; argparse says so and ends with the exit code for wrong usage.
+    """
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
+    return int(text)
+
+
 def add_options(parser: argparse.ArgumentParser, options: Iterable[Option]) -> None:
     """Add options to a parser; one that is not given leaves no trace, so that the configuration file can be asked."""
     groups: dict[str, argparse._ArgumentGroup] = {}

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mdtopo.cli.exits import EXIT_HELP, Exit
-from mdtopo.cli.options import VERBOSE, add_options, given_options, settled
+from mdtopo.cli.options import VERBOSE, add_options, given_options, settled, whole_number
 
 if TYPE_CHECKING:
     from mdtopo.verification import Sampling, Verification
@@ -58,29 +58,27 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     group.add_argument(
         "--nearest",
         metavar="N",
-        type=_number,
+        type=whole_number,
         default=10,
         help="certified steps with the least clearance (default: 10)",
     )
     group.add_argument(
         "--share", metavar="X", type=_share, default=0.01, help="random share of the other ones, 0 to 1 (default: 0.01)"
     )
-    group.add_argument("--seed", metavar="N", type=_number, default=0, help="seed of the random choice (default: 0)")
+    group.add_argument(
+        "--seed", metavar="N", type=whole_number, default=0, help="seed of the random choice (default: 0)"
+    )
     group.add_argument(
         "--steps",
         metavar="LIST",
         type=_steps,
         help="check these steps and no others, such as 3,17,100-120; counted from 0",
     )
-    group.add_argument("--max-steps", metavar="N", type=_number, help="check at most this many; crossings come first")
+    group.add_argument(
+        "--max-steps", metavar="N", type=whole_number, help="check at most this many; crossings come first"
+    )
     add_options(parser, (VERBOSE,))
     parser.set_defaults(run=run, parser=parser)
-
-
-def _number(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
-    return int(text)
 
 
 def _share(text: str) -> float:
