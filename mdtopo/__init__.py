@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from mdtopo.curvestep import curve_embedding, curve_step
     from mdtopo.errors import AuditError, InputError, MdtopoError, OutputError
     from mdtopo.geometry.hull import d_star
-    from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
+    from mdtopo.geometry.knots import knot_determinant
+    from mdtopo.geometry.linking import linking_number, writhe
     from mdtopo.pipeline import monitor, steps
     from mdtopo.polyline import nu, polyline_step
     from mdtopo.records import (
@@ -82,7 +83,7 @@ _HOMES = {
     "curve_embedding": "curvestep",
     "curve_step": "curvestep",
     "d_star": "geometry.hull",
-    "knot_determinant": "geometry.linking",
+    "knot_determinant": "geometry.knots",
     "linking_number": "geometry.linking",
     "monitor": "pipeline",
     "nu": "polyline",

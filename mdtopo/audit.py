@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.errors import AuditError, InputError
-from mdtopo.geometry.linking import knot_determinant, linking_number, writhe
+from mdtopo.geometry.knots import knot_determinant
+from mdtopo.geometry.linking import linking_number, writhe
 from mdtopo.passages import Decided, Meeting, meeting_of
 from mdtopo.records import Traces
 from mdtopo.typing import Indices, Points
