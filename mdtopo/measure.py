@@ -7,7 +7,6 @@ import numpy as np
 from mdtopo.audit import changed_invariants
 from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps, motion_of
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
-from mdtopo.ladder import PLACING_ERROR
 from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.records import (
@@ -23,6 +22,7 @@ from mdtopo.records import (
     Stretches,
     Verdict,
 )
+from mdtopo.spheres import PLACING_ERROR
 from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, Ratios
 
 IDENTITY = np.eye(3)

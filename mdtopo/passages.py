@@ -63,9 +63,9 @@ class Decided(NamedTuple):
     Attributes
     ----------
     passages : ndarray, shape (k, 14)
-        As in `mdtopo.ladder.Found`.
+        As in `mdtopo.contacts.Found`.
     open_pairs : ndarray of int, shape (l, 6)
-        Pairs that stay undecided, as in `mdtopo.ladder.Found`.
+        Pairs that stay undecided, as in `mdtopo.contacts.Found`.
     reason : Reason
         Why; NONE where there are none.
     """

@@ -17,9 +17,9 @@ from mdtopo import MonitorConfig, Rung, Strands, Verdict, polyline_step
 from mdtopo.curveladder import CurveMeasure, measure_curve
 from mdtopo.curves import StepMotion, step_motion, whole_strands
 from mdtopo.geometry.splines import AMPLIFICATION, CONTROL_ERROR, INTERPOLATING, spline_controls
-from mdtopo.ladder import PLACING_ERROR
 from mdtopo.pipeline.tables import open_input
 from mdtopo.records import Frame, StepReport, Traces
+from mdtopo.spheres import PLACING_ERROR
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.filterwarnings("default")]
 

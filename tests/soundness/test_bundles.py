@@ -21,22 +21,11 @@ from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
 from mdtopo.geometry.broadphase import sorted_into_cells
 from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, near_edges
-from mdtopo.ladder import (
-    FIRST_REACH,
-    LEAST_SLACK,
-    PLACING_ERROR,
-    RATIO_REACH,
-    Spheres,
-    StepMeasure,
-    climb_pairs,
-    greatest_coordinate,
-    mean_edge_length,
-    measure_step,
-    meet_end_terms,
-    search_pads,
-    spheres_of,
-)
+from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
+from mdtopo.reach import RATIO_REACH, search_pads
 from mdtopo.records import Rung, Traces
+from mdtopo.rungs import climb_pairs, meet_end_terms
+from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, Spheres, greatest_coordinate, mean_edge_length, spheres_of
 
 Whole = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mdtopo import polyline_step
-from mdtopo.ladder import PLACING_ERROR
 from mdtopo.records import MonitorConfig, Reason, Scope, StepReport, Strands, Verdict
+from mdtopo.spheres import PLACING_ERROR
 
 Points = NDArray[np.float64]
 

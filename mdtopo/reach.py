@@ -1,0 +1,65 @@
+"""The pairs of edges that must be looked at, so that no extreme of a step is missed."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.curves import StepMotion
+from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
+from mdtopo.geometry.bundles import near_edges
+from mdtopo.geometry.lattice import basis_of
+from mdtopo.spheres import Spheres
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+RATIO_REACH = 1.25
+"""Pairs whose ratio is at least 1/1.25 = 0.8 are always in reach: they have d0 + d1 ≤ 1.25 ρ, and ρ is at most the sum
+of the two edges' greatest displacements."""
+
+REACH_GUARD = 1.0 + 1e-9
+"""And this much further: rounding of a distance, a motion or a ratio loses no pair."""
+
+
+@njit(cache=True, nogil=True)
+def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> FloatArray:
+    """Return by how much the edges are enlarged, Å, so that all pairs that count are found to meet.
+
+    Two edges of which the enlarged ones never meet stay more than `reach` apart. Rung 3 proves as much, since ρ is at
+    most the sum of their motions: whether such a pair is looked at cannot be seen in a clearance. And their ratio is
+    below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already.
+    """
+    share = 0.5 * RATIO_REACH if ratio * RATIO_REACH <= 1.0 else 0.5 / ratio
+    pads = np.empty(len(spheres.half))
+    for k in range(len(pads)):
+        pads[k] = max(0.5 * (reach + spheres.motion[k]), share * spheres.motion[k]) * REACH_GUARD + slack
+    return pads
+
+
+@njit(cache=True, nogil=True)
+def pairs_in_reach(
+    motion: StepMotion, periodic: bool, edges: IntArray, trace: IntArray, spheres: Spheres, pads: FloatArray
+) -> tuple[IntArray, IntArray, bool]:
+    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_edges`.
+
+    Only where images can meet are they looked for: the search without them is several times faster.
+    """
+    if periodic:
+        radii = spheres.half + pads
+        basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+        if images_can_meet(spheres.mid0, spheres.mid1, radii, basis0, basis1):
+            return candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
+    return near_edges(motion.x0, motion.x1, edges, trace, pads), np.empty((0, 3), dtype=np.int64), True
+
+
+@njit(cache=True, nogil=True)
+def has_pairs(trace: IntArray, following: IntArray, periodic: bool) -> tuple[bool, bool]:
+    """Return whether pairs of class self, and of class inter, exist at all."""
+    has_inter = len(trace) > 0 and trace[0] != trace[-1]
+    has_self = periodic and len(trace) > 0
+    longest, current = 0, 0
+    for k in range(len(trace)):
+        current = current + 1 if k > 0 and trace[k] == trace[k - 1] else 1
+        closed = following[k] >= 0 and following[k] < k
+        longest = max(longest, current - 2 if closed else current)
+    return has_self or longest > 3, has_inter

@@ -1,0 +1,189 @@
+"""The rung of the ladder that settles a pair of edges, and what the pair adds to the extremes of its step.
+
+Here are rungs 2 to 5, and the end terms of ν. For the whole ladder see `mdtopo.ladder`.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.contacts import corners_of
+from mdtopo.curves import StepMotion
+from mdtopo.extremes import (
+    NU0,
+    NU0_PROVEN,
+    NU1,
+    NU1_PROVEN,
+    RATIO,
+    Extremes,
+    keep_clearance,
+    keep_nu,
+    keep_ratio,
+)
+from mdtopo.geometry.distances import closest_points, dual_bound
+from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
+from mdtopo.geometry.pairs import (
+    BOUND_ERROR,
+    cheap_bounds,
+    direction_clearance,
+    hull_clearance,
+    is_apart_along_axis,
+    is_far,
+    is_idle,
+    line_bound,
+    relative_motion,
+)
+from mdtopo.geometry.vectors import add, norm, row, subtract
+from mdtopo.reach import RATIO_REACH
+from mdtopo.records import Rung
+from mdtopo.spheres import Spheres
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+BROAD_PHASE, RELATIVE_MOTION = int(Rung.BROAD_PHASE), int(Rung.RELATIVE_MOTION)
+DIRECTION, HULL = int(Rung.DIRECTION), int(Rung.HULL)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def settle_pair(
+    i: int,
+    j: int,
+    image: Counts,
+    kind: int,
+    bounds: tuple[float, float, float],
+    is_boxed_off: bool,
+    motion: StepMotion,
+    edges: IntArray,
+    placing: float,
+    first_reach: float,
+    best: Extremes,
+) -> bool:
+    """Settle one pair of edges by the cheapest rung up to 5 that does, and return whether one did.
+
+    What the pair adds to the step's extremes is kept; of a pair that stays open all but its clearance. A pair that the
+    search may miss, as it is further apart than `first_reach` and has a small ratio, is never the greatest ratio.
+    """
+    gap, low0, low1 = bounds
+    start, end = corners_of(i, j, image, motion, edges)
+    _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
+    _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
+    low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
+    low1 = max(dual_bound(n1, end[0], end[1], end[2], end[3]) - placing, low1)
+    rho = relative_motion(start, end) + placing
+    near0, near1 = norm(n0), norm(n1)
+    keep_nu(edges, i, j, kind, near0, near1, low0, low1, best)
+    if kind == 0 or near0 + near1 <= 2.0 * first_reach or RATIO_REACH * rho >= low0 + low1:
+        keep_ratio(edges, i, j, rho, low0, low1, best)
+    rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
+    # tests are for what is proved, so that a NaN proves nothing
+    if not gap > 0.0:
+        rung = RELATIVE_MOTION
+        if not clearance > 0.0:
+            rung, clearance = DIRECTION, direction_clearance(n0, n1, start, end) - placing
+        if not clearance > 0.0:
+            rung, clearance = HULL, hull_clearance(start, end) - placing
+        if not clearance > 0.0:
+            return False
+    if rung != BROAD_PHASE and not is_boxed_off:
+        best.rung_pairs[rung] += 1
+    keep_clearance(edges, i, j, kind, clearance, best)
+    return True
+
+
+@njit(cache=True, nogil=True)
+def climb_pairs(
+    pairs: IntArray,
+    images: IntArray,
+    local: bool,
+    motion: StepMotion,
+    edges: IntArray,
+    following: IntArray,
+    trace: IntArray,
+    spheres: Spheres,
+    slack: float,
+    placing: float,
+    first_reach: float,
+    best: Extremes,
+    is_open: BoolArray,
+) -> float:
+    """Climb a list of pairs up to rung 5, and return the greatest drift of an image among them, Å.
+
+    Pairs that no rung settles are marked in `is_open`. Where the list is not the local one, pairs that are local are
+    passed over: they have been climbed already. A pair is settled in full unless its cheap bounds show that it can
+    change none of the step's extremes.
+    """
+    basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+    mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
+    moves, image_move = spheres.motion, 0.0
+    values, least, rung_pairs = best.values, best.least, best.rung_pairs
+    greatest_drift, image, kind = 0.0, (0, 0, 0), 0
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
+        if not local:
+            if len(images) > 0:
+                image = (images[k, 0], images[k, 1], images[k, 2])
+            kind = 1 if trace[i] == trace[j] else 2
+            if image != (0, 0, 0):
+                shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+                centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
+                image_move = norm(subtract(shift1, shift0))
+                greatest_drift = max(greatest_drift, image_move)
+            elif are_neighbours(i, j, following):
+                continue
+            else:
+                image_move = 0.0
+        f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        nearest = max(least[kind], max(values[NU0], values[NU1]))
+        moved = moves[i] + moves[j] + image_move + slack
+        if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, nearest, values[RATIO], slack):
+            continue
+        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
+        nu0, nu1, ratio = values[NU0], values[NU1], values[RATIO]
+        idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        if not idle:
+            rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
+            low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
+            low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
+            idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        boxed_off = gap > 0.0 or is_apart_along_axis(centre0, centre1, f0, g0, f1, g1)
+        if not idle:
+            bounds = (gap, low0, low1)
+            is_open[k] = not settle_pair(
+                i, j, image, kind, bounds, boxed_off, motion, edges, placing, first_reach, best
+            )
+        elif not boxed_off:
+            rung_pairs[RELATIVE_MOTION] += 1
+    return greatest_drift
+
+
+@njit(cache=True, nogil=True, inline="always")
+def are_neighbours(i: int, j: int, following: IntArray) -> bool:
+    """Return whether two edges share a vertex or have one edge between them: the local pairs, climbed on their own."""
+    after_i, after_j = following[i], following[j]
+    if i == j or after_i == j or after_j == i:
+        return True
+    return (after_i >= 0 and following[after_i] == j) or (after_j >= 0 and following[after_j] == i)
+
+
+@njit(cache=True, nogil=True)
+def meet_end_terms(motion: StepMotion, end_terms: IntArray, placing: float, best: Extremes) -> None:
+    """Take the end terms into ν: a vertex against its neighbour, or against the neighbour's edge.
+
+    They belong to ν and to the ball rungs alone: a contact there folds an open end back on itself and nothing passes.
+    """
+    for k in range(len(end_terms)):
+        a, b, c, d = end_terms[k, 0], end_terms[k, 1], end_terms[k, 2], end_terms[k, 3]
+        _, _, n0 = closest_points(row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
+        _, _, n1 = closest_points(row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
+        near0, near1 = norm(n0), norm(n1)
+        low0 = dual_bound(n0, row(motion.x0, a), row(motion.x0, b), row(motion.x0, c), row(motion.x0, d))
+        low1 = dual_bound(n1, row(motion.x1, a), row(motion.x1, b), row(motion.x1, c), row(motion.x1, d))
+        best.values[NU0_PROVEN] = min(best.values[NU0_PROVEN], low0 - placing)
+        best.values[NU1_PROVEN] = min(best.values[NU1_PROVEN], low1 - placing)
+        best.values[NU1] = min(best.values[NU1], near1)
+        if near0 < best.values[NU0]:
+            best.values[NU0], best.nu_class[0] = near0, 0
+            best.nu_witness[0], best.nu_witness[1], best.nu_witness[2], best.nu_witness[3] = a, b, c, d
