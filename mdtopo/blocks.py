@@ -4,7 +4,8 @@ The hot path is columnar. A kernel runs over many steps and fills columns, becau
 cost more than the mathematics.
 """
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -20,6 +21,8 @@ from mdtopo.records import Rung
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+EXACT, OPEN = int(Rung.EXACT), int(Rung.OPEN)
 
 
 class WholeFrames(NamedTuple):
@@ -64,15 +67,44 @@ class Columns(NamedTuple):
     jump: IntArray
 
     def part(self, rows: slice) -> "Columns":
-        """Return views of some rows."""
+        """Return views of some rows; all of them as they are."""
+        if rows.stop - rows.start == len(self.rung):
+            return self
         return type(self)._make(array[rows] for array in self)
 
     def settle(self, row: int, undecided: int, still_open: int) -> None:
         """Note that exact arithmetic has decided some pairs of a step that the ladder left undecided."""
-        self.rung_pairs[row, Rung.EXACT] += undecided - still_open
-        self.rung_pairs[row, Rung.OPEN] -= undecided - still_open
-        if undecided and not self.rung_pairs[row, Rung.OPEN]:
-            self.rung[row] = Rung.EXACT
+        if not undecided:
+            return
+        self.rung_pairs[row, EXACT] += undecided - still_open
+        self.rung_pairs[row, OPEN] -= undecided - still_open
+        if not self.rung_pairs[row, OPEN]:
+            self.rung[row] = EXACT
+
+
+NUMBERS: dict[str, tuple[int, ...]] = {
+    "displacement": (),
+    "angle": (),
+    "translation": (3,),
+    "nu": (),
+    "ratio": (),
+    "clearances": (3,),
+}
+"""The shape of one row of each column that holds numbers."""
+
+INDICES: dict[str, tuple[int, ...]] = {
+    "displacement_vertex": (),
+    "nu_witness": (4,),
+    "nu_class": (),
+    "ratio_witness": (4,),
+    "clearance_witness": (3, 4),
+    "rung": (),
+    "rung_pairs": (N_RUNGS,),
+    "jump": (),
+}
+"""And of each one that holds indices or counts."""
+
+N_NUMBERS, N_INDICES = (sum(math.prod(width) for width in widths.values()) for widths in (NUMBERS, INDICES))
 
 
 @njit(cache=True, nogil=True)
@@ -88,7 +120,8 @@ def whole_frames(
 ) -> WholeFrames:
     """Return the frames of a block with whole strands and the lengths of their edges; NaN where a frame is unusable."""
     n_frames = len(positions)
-    whole, bases = positions.copy(), np.zeros((n_frames, 3, 3))
+    whole = positions.copy() if periodic else positions  # nobody writes to them
+    bases = np.zeros((n_frames, 3, 3))
     lengths = np.full((n_frames, len(edges)), np.nan)
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
     jumps, placing = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames)
@@ -198,29 +231,15 @@ def measure_steps(
 
 
 def empty_columns(n: int) -> Columns:
-    """Return columns for n steps, of which none has been measured."""
-
-    def number(*shape: int) -> FloatArray:
-        return np.full((n, *shape), np.nan)
-
-    def index(*shape: int) -> IntArray:
-        return np.full((n, *shape), -1, dtype=np.int64)
-
-    return Columns(
-        displacement=number(),
-        displacement_vertex=index(),
-        angle=number(),
-        is_turned=np.zeros(n, dtype=np.bool_),
-        translation=number(3),
-        nu=number(),
-        nu_witness=index(4),
-        nu_class=index(),
-        ratio=number(),
-        ratio_witness=index(4),
-        clearances=number(3),
-        clearance_witness=index(3, 4),
-        rung=np.full(n, Rung.OPEN, dtype=np.int64),
-        rung_pairs=np.zeros((n, N_RUNGS), dtype=np.int64),
-        cell_ok=np.ones(n, dtype=np.bool_),
-        jump=index(),
-    )
+    """Return columns for n steps, none of them measured: numbers in one piece of memory, indices in another."""
+    numbers, indices = np.full(n * N_NUMBERS, np.nan), np.full(n * N_INDICES, -1, dtype=np.int64)
+    columns: dict[str, NDArray[Any]] = {}
+    for values, widths in ((numbers, NUMBERS), (indices, INDICES)):
+        start = 0
+        for name, width in widths.items():
+            stop = start + n * math.prod(width)
+            columns[name] = values[start:stop].reshape((n, *width)) if width else values[start:stop]
+            start = stop
+    columns["rung"][:] = OPEN
+    columns["rung_pairs"][:] = 0
+    return Columns(is_turned=np.zeros(n, dtype=np.bool_), cell_ok=np.ones(n, dtype=np.bool_), **columns)

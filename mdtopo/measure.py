@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mdtopo.audit import changed_invariants
-from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps, motion_of
+from mdtopo.blocks import OPEN, Columns, covariances, empty_columns, measure_steps, motion_of
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
 from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
@@ -15,7 +15,6 @@ from mdtopo.records import (
     MonitorConfig,
     PairClass,
     Reason,
-    Rung,
     Scope,
     StepTable,
     Strands,
@@ -26,6 +25,13 @@ from mdtopo.spheres import PLACING_ERROR
 from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, Ratios
 
 IDENTITY = np.eye(3)
+
+# as plain numbers: NumPy asks an enum for a dozen attributes before it compares with it
+UNRESOLVED, CERTIFIED, CROSSING = int(Verdict.UNRESOLVED), int(Verdict.CERTIFIED), int(Verdict.CROSSING)
+NONE, LADDER, BAD_DATA = int(Reason.NONE), int(Reason.LADDER), int(Reason.BAD_DATA)
+CELL, IMAGE_JUMP = int(Reason.CELL), int(Reason.IMAGE_JUMP)
+LOCAL, SELF, INTER = int(PairClass.LOCAL), int(PairClass.SELF), int(PairClass.INTER)
+NOTHING, STORED, MOTION = int(Scope.NONE), int(Scope.STORED), int(Scope.MOTION)
 
 
 def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setting]:
@@ -62,7 +68,7 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     """
     columns = empty_columns(plan.block.n_steps)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
-    reasons = np.full(len(bad), Reason.NONE, dtype=np.int8)
+    reasons = np.full(len(bad), NONE, dtype=np.int8)
     crossings = [
         table
         for part in plan.parts
@@ -172,12 +178,12 @@ def _table(
         pair_ratio_pair=columns.ratio_witness.reshape(-1, 2, 2),
         clearance=clearance,
         clearance_pair=pair.reshape(-1, 2, 2),
-        clearance_local=columns.clearances[:, PairClass.LOCAL],
-        clearance_local_pair=columns.clearance_witness[:, PairClass.LOCAL].reshape(-1, 2, 2),
-        clearance_self=columns.clearances[:, PairClass.SELF],
-        clearance_self_pair=columns.clearance_witness[:, PairClass.SELF].reshape(-1, 2, 2),
-        clearance_inter=columns.clearances[:, PairClass.INTER],
-        clearance_inter_pair=columns.clearance_witness[:, PairClass.INTER].reshape(-1, 2, 2),
+        clearance_local=columns.clearances[:, LOCAL],
+        clearance_local_pair=columns.clearance_witness[:, LOCAL].reshape(-1, 2, 2),
+        clearance_self=columns.clearances[:, SELF],
+        clearance_self_pair=columns.clearance_witness[:, SELF].reshape(-1, 2, 2),
+        clearance_inter=columns.clearances[:, INTER],
+        clearance_inter_pair=columns.clearance_witness[:, INTER].reshape(-1, 2, 2),
         bond_stretch=stretch,
         bond_stretch_edge=stretch_edge,
         certifiable_interval=interval,
@@ -203,14 +209,15 @@ def _verdicts(
     columns: Columns, measured: Flags, bad: Flags, reasons: Codes, n_crossings: Indices
 ) -> tuple[Codes, Codes]:
     """Return verdict and reason of each step; CERTIFIED only where the kernel ran and every pair was settled."""
-    certified = measured & (columns.rung != Rung.OPEN) & (n_crossings == 0)
-    verdict = np.where(certified, Verdict.CERTIFIED, Verdict.UNRESOLVED).astype(np.int8)
-    verdict[n_crossings > 0] = Verdict.CROSSING
-    reason = np.where(reasons != Reason.NONE, reasons, Reason.LADDER).astype(np.int8)
-    reason[verdict != Verdict.UNRESOLVED] = Reason.NONE  # from here on the later line wins
-    reason[~columns.cell_ok] = Reason.CELL
-    reason[columns.jump >= 0] = Reason.IMAGE_JUMP
-    reason[bad] = Reason.BAD_DATA
+    verdict = np.full(len(bad), UNRESOLVED, dtype=np.int8)
+    verdict[measured & (columns.rung != OPEN)] = CERTIFIED
+    verdict[n_crossings > 0] = CROSSING
+    reason = reasons.copy()
+    reason[reasons == NONE] = LADDER
+    reason[verdict != UNRESOLVED] = NONE  # from here on the later line wins
+    reason[~columns.cell_ok] = CELL
+    reason[columns.jump >= 0] = IMAGE_JUMP
+    reason[bad] = BAD_DATA
     return verdict, reason
 
 
@@ -222,15 +229,17 @@ def _scopes(verdict: Codes, clearance: Lengths, block: FrameBlock, config: Monit
     Proven: each of two points is off by η at most, and by the rounding of a turned coordinate; so a clearance above
     twice that leaves room for what the file rounded away. Without a pair there is nothing to hit.
     """
-    error = np.full(len(verdict), config.coordinate_error or 0.0)
+    error: float | Lengths = config.coordinate_error or 0.0
     if config.motion == "rigid" or block.cells is not None:
         greatest = np.abs(block.positions).max(axis=(1, 2))
         if block.cells is not None:
             greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
-        error += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
+        error = error + PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
     clear = np.isnan(clearance) | (clearance > 2.0 * error)
-    certified = verdict == Verdict.CERTIFIED
-    return np.where(certified, np.where(clear, Scope.MOTION, Scope.STORED), Scope.NONE).astype(np.int8)
+    scope = np.full(len(verdict), NOTHING, dtype=np.int8)
+    scope[verdict == CERTIFIED] = STORED
+    scope[(verdict == CERTIFIED) & clear] = MOTION
+    return scope
 
 
 def _problems(plan: BlockPlan, columns: Columns) -> tuple[str, ...]:
@@ -254,18 +263,20 @@ def _image_jumps(plan: BlockPlan) -> Indices:
 
 
 def _greatest_stretch(ratios: Ratios, edges: Indices) -> tuple[Ratios, Indices]:
-    filled = np.where(np.isnan(ratios), -np.inf, ratios)
-    if not filled.shape[1]:
-        return np.full(len(filled), np.nan), np.full((len(filled), 2), -1, dtype=np.int64)
-    worst = filled.argmax(axis=1)
-    value = filled[np.arange(len(worst)), worst]
-    known = np.isfinite(value)
-    edge = np.where(known[:, np.newaxis], edges[worst], -1)
-    return np.where(known, value, np.nan), edge
+    if not ratios.shape[1]:
+        return np.full(len(ratios), np.nan), np.full((len(ratios), 2), -1, dtype=np.int64)
+    value = np.fmax.reduce(ratios, axis=1)  # of the edges that are left
+    worst = (ratios == value[:, np.newaxis]).argmax(axis=1)
+    edge, unknown = edges[worst], ~np.isfinite(value)
+    value[unknown], edge[unknown] = np.nan, -1
+    return value, edge
 
 
 def _stretches(plan: BlockPlan, strands: Strands) -> Stretches:
-    row, edge = np.nonzero(plan.ratios >= plan.limits.stretch)
+    beyond = plan.ratios >= plan.limits.stretch
+    if not beyond.any():
+        return Stretches.none()
+    row, edge = np.nonzero(beyond)
     return Stretches(
         step=plan.block.first_step + row,
         edge=strands.edges[edge],

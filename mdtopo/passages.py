@@ -22,6 +22,9 @@ from mdtopo.typing import Cell, Indices, Points
 Meeting: TypeAlias = tuple[int, int, Counts]
 """Two traces, and the image of the second, in the step's reduced cell."""
 
+UNDERSAMPLED, RESOLVED, PROVEN = int(Grade.UNDERSAMPLED), int(Grade.RESOLVED), int(Grade.PROVEN)
+POLYLINE = int(Shape.POLYLINE)
+
 MOST_EXACT = 500
 """Pairs of one step that exact arithmetic decides; each costs milliseconds, and a step with more is beyond help."""
 
@@ -82,6 +85,8 @@ def decide_exactly(found: Found, step: StepData, edges: Indices) -> Decided:
     ---------
     Proven for the numbers named above: a pair that is neither among the passages nor open never meets.
     """
+    if not len(found.undecided):
+        return Decided(found.passages, found.undecided, Reason.NONE)
     rows, open_pairs, reasons = [found.passages], [], set()
     for row in found.undecided[:MOST_EXACT]:
         i, j, image = int(row[0]), int(row[1]), (int(row[2]), int(row[3]), int(row[4]))
@@ -160,14 +165,17 @@ def crossing_table(
     resolution : float or None
         Resolution length, Å; by default the length of the shorter edge.
     """
-    edges = traces.edges
-    tails = edges[:, 0][decided.passages[:, :2].astype(np.int64)]
-    rows = decided.passages[np.lexsort((tails.max(axis=1), tails.min(axis=1), decided.passages[:, 5]))]
-    pairs, places, image, point = _in_strand_order(rows, step.motion, edges)
+    edges, rows = traces.edges, decided.passages
+    tails = edges[:, 0][rows[:, :2].astype(np.int64)]
+    low, high = np.minimum(tails[:, 0], tails[:, 1]), np.maximum(tails[:, 0], tails[:, 1])
+    rows = rows[np.lexsort((high, low, rows[:, 5]))]
+    pairs, places, image, point = _in_strand_order(rows, step, edges)
     image, point = _as_stored(image, point, rows[:, 5], edges[pairs][:, :, 0], step)
-    length = rows[:, 13] if resolution is None else np.full(len(rows), resolution)
-    resolved = np.where(rows[:, 12] < length, Grade.RESOLVED, Grade.UNDERSAMPLED)
-    proven = [meeting_of(row, traces) in changed for row in rows] if changed else [False] * len(rows)
+    length = rows[:, 13].copy() if resolution is None else np.full(len(rows), resolution)
+    grade = np.full(len(rows), UNDERSAMPLED, dtype=np.int8)
+    grade[rows[:, 12] < length] = RESOLVED
+    if changed:
+        grade[[meeting_of(row, traces) in changed for row in rows]] = PROVEN
     return Crossings(
         strands=strands,
         step=np.full(len(rows), number, dtype=np.int64),
@@ -179,10 +187,10 @@ def crossing_table(
         point=point,
         sign=rows[:, 11].astype(np.int64),
         image=image,
-        grade=np.where(proven, Grade.PROVEN, resolved).astype(np.int8),
-        object=np.full(len(rows), Shape.POLYLINE, dtype=np.int8),
+        grade=grade,
+        object=np.full(len(rows), POLYLINE, dtype=np.int8),
         motion=rows[:, 12].copy(),
-        resolution=length.copy(),
+        resolution=length,
     )
 
 
@@ -195,7 +203,7 @@ def meeting_of(row: NDArray[Any], traces: Traces) -> Meeting:
 
 
 def _in_strand_order(
-    rows: NDArray[np.float64], motion: StepMotion, edges: Indices
+    rows: NDArray[np.float64], step: StepData, edges: Indices
 ) -> tuple[Indices, NDArray[np.float64], Indices, Points]:
     """Return edges, parameters, image and point of passages, the edge with the lower first vertex first.
 
@@ -203,10 +211,12 @@ def _in_strand_order(
     """
     pairs, places = rows[:, :2].astype(np.int64), rows[:, 6:8].copy()
     image = rows[:, 2:5].astype(np.int64)
+    point = rows[:, 8:11].copy()
     swap = edges[pairs[:, 1], 0] < edges[pairs[:, 0], 0]
-    shift = _moving_vectors(image, rows[:, 5], motion)
-    point = np.where(swap[:, np.newaxis], rows[:, 8:11] - shift, rows[:, 8:11])
-    pairs[swap], places[swap], image[swap] = pairs[swap][:, ::-1], places[swap][:, ::-1], -image[swap]
+    if swap.any():
+        if step.cells is not None:
+            point[swap] -= _moving_vectors(image, rows[:, 5], step.motion)[swap]
+        pairs[swap], places[swap], image[swap] = pairs[swap][:, ::-1], places[swap][:, ::-1], -image[swap]
     return pairs, places, image, point
 
 

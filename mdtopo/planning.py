@@ -128,8 +128,8 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
         setting, broken = _watch_first_frame(block, setting)
     first = setting.bonds
     while start < block.n_steps:
-        frames = _whole(block, problems, slice(start, None), setting)
-        _note_winding(frames, start, setting, problems)
+        frames = _whole(block, problems, slice(start, None), setting.traces)
+        _note_winding(frames, start, setting.strands, setting.traces, problems)
         ratios[start + 1 :] = setting.all_edges(frames.lengths[1:])  # a frame belongs to the step that it ends
         count, after = _until_break(ratios[start + 1 :], setting)
         parts.append(Stretch(slice(start, start + count), frames.first(count + 1), setting.traces))
@@ -141,10 +141,30 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
     return BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), found, setting.limits, bonds), setting
 
 
-def _whole(block: FrameBlock, problems: Sequence[str], part: slice, setting: Setting) -> WholeFrames:
+def plan_step(block: FrameBlock, strands: Strands) -> BlockPlan:
+    """Return what can be done of two frames without a run around them: nothing is watched, so nothing breaks.
+
+    Parameters
+    ----------
+    block : FrameBlock
+        Two frames. The first one's edge lengths are the reference.
+    strands : Strands
+    """
+    traces, problems, n_edges = Traces.of(strands), list(block.problems), len(strands.edges)
+    frames = _whole(block, problems, slice(None), traces)
+    _note_winding(frames, 0, strands, traces, problems)
+    reference, ratios, unknown = np.empty(n_edges), np.empty((1, n_edges)), np.full(n_edges, np.nan)
+    reference[traces.edge_index] = np.where(frames.lengths[0] > 0.0, frames.lengths[0], np.nan)
+    ratios[:, traces.edge_index] = frames.lengths[1] / reference[traces.edge_index]
+    limits, bonds = BondLimits(reference, unknown, unknown), BondState.intact(n_edges)
+    part = Stretch(slice(0, 1), frames, traces)
+    return BlockPlan(block, (part,), ratios, (), _step_problems(block, problems), limits, (bonds, bonds))
+
+
+def _whole(block: FrameBlock, problems: Sequence[str], part: slice, traces: Traces) -> WholeFrames:
     usable = np.array([not problem for problem in problems[part]], dtype=np.bool_)
     cells = block.cells if block.cells is not None else np.zeros((len(block.frames), 3, 3))
-    return _whole_frames(block.positions[part], cells[part], usable, block.cells is not None, setting.traces)
+    return _whole_frames(block.positions[part], cells[part], usable, block.cells is not None, traces)
 
 
 def _whole_frames(
@@ -154,11 +174,13 @@ def _whole_frames(
     return whole_frames(positions, cells, usable, periodic, t.vertices, t.offsets, t.closed, t.edges)
 
 
-def _note_winding(frames: WholeFrames, start: int, setting: Setting, problems: list[str]) -> None:
+def _note_winding(frames: WholeFrames, start: int, strands: Strands, traces: Traces, problems: list[str]) -> None:
     """Mark frames in which a ring closes through the boundary: it cannot be made whole, so nothing can be proved."""
+    if not frames.winding.any():
+        return
     for k, trace in zip(*np.nonzero(frames.winding.any(axis=2)), strict=True):
-        vertex = setting.traces.vertices[setting.traces.offsets[trace]]
-        name = setting.strands.names[setting.strands.strand_of_vertex[vertex]]
+        vertex = traces.vertices[traces.offsets[trace]]
+        name = strands.names[strands.strand_of_vertex[vertex]]
         problems[start + k] = (
             f"ring {name!r} closes through the periodic boundary (winding {frames.winding[k, trace].tolist()}), "
             "which mdtopo does not handle; leave it out of the selection"
@@ -181,7 +203,7 @@ def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
 
 def _watch_first_frame(block: FrameBlock, setting: Setting) -> tuple[Setting, list[BrokenEdge]]:
     """Count the run's first frame too: every other frame is the end of a step, this one is not."""
-    frames = _whole(block, block.problems, slice(0, 1), setting)
+    frames = _whole(block, block.problems, slice(0, 1), setting.traces)
     ratios = setting.all_edges(frames.lengths)[0]
     after = setting.bonds.after(ratios, setting.limits, setting.config.fracture_frames)
     fresh = _newly_broken(block, 0, ratios, after, setting)

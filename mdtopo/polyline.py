@@ -1,13 +1,11 @@
 """One step of arrays in memory: the door for those who have their own frames."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from mdtopo.errors import InputError
-from mdtopo.measure import measure_block
-from mdtopo.planning import Setting, reference_samples
-from mdtopo.records import Frame, FrameBlock, MonitorConfig, ReferenceLengths, StepReport, Strands
+from mdtopo.measure import measure_plan
+from mdtopo.planning import plan_step
+from mdtopo.records import Frame, FrameBlock, MonitorConfig, StepReport, Strands
 from mdtopo.records.frames import has_volume
 from mdtopo.typing import Cell, Points
 
@@ -61,13 +59,10 @@ def polyline_step(
     cells = None
     if cell_t0 is not None and cell_t1 is not None:
         cells = np.stack([checked_cell(cell_t0, "cell_t0"), checked_cell(cell_t1, "cell_t1")])
-    frame = Frame(0, np.nan, x0, None if cells is None else cells[0])
-    # nothing can stretch beyond a limit here, or break: that takes frames before and after, so none is watched
-    reference = ReferenceLengths(reference_samples([frame], strands)[0], np.nan, np.nan, 1)
-    setting = replace(Setting.start(strands, config or MonitorConfig(), reference), has_started=True)
-    block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), np.stack([x0, x1]), cells, problems=("", ""))
-    table, _ = measure_block(block, setting)
-    return table.report(0)
+    positions = np.empty((2, *x0.shape))
+    positions[0], positions[1] = x0, x1
+    block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), positions, cells, problems=("", ""))
+    return measure_plan(plan_step(block, strands), strands, config or MonitorConfig()).report(0)
 
 
 def nu(x: Points, strands: Strands, *, cell: Cell | None = None) -> float:

@@ -145,7 +145,7 @@ class Crossings(Sequence[Crossing]):
     def of_step(self, step: int) -> "Crossings":
         """Return the rows of one step; rows are sorted by step."""
         low, high = np.searchsorted(self.step, [step, step + 1])
-        return self.rows(slice(low, high))
+        return self if high - low == len(self) else self.rows(slice(low, high))
 
     def __len__(self) -> int:
         return len(self.step)

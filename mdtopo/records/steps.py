@@ -265,19 +265,33 @@ class StepTable:
 
     def report(self, row: int) -> "StepReport":
         """Return one row as an object."""
-        values = {c.name: _scalar(getattr(self, c.name)[row], c.enum) for c in self.columns()}
         step = self.first_step + row
+        values: dict[str, Any] = {name: getattr(self, name).item(row) for name in self._plain()}
+        values |= {name: members[getattr(self, name).item(row)] for name, members in self._coded()}
+        values |= {name: getattr(self, name)[row].copy() for name in self._wide()}
         return StepReport(step=step, problem=self.problems[row], crossings=self.crossings.of_step(step), **values)
+
+    @classmethod
+    @cache
+    def _plain(cls) -> tuple[str, ...]:
+        """Return the names of the columns that hold one number each."""
+        return tuple(c.name for c in cls.columns() if c.enum is None and not c.shape)
+
+    @classmethod
+    @cache
+    def _coded(cls) -> tuple[tuple[str, dict[int, IntEnum]], ...]:
+        """Return the names of the columns that hold codes, and what these stand for."""
+        return tuple((c.name, {int(member): member for member in c.enum}) for c in cls.columns() if c.enum is not None)
+
+    @classmethod
+    @cache
+    def _wide(cls) -> tuple[str, ...]:
+        """Return the names of the columns that hold several numbers each."""
+        return tuple(c.name for c in cls.columns() if c.enum is None and c.shape)
 
     def reports(self) -> Iterator["StepReport"]:
         """Yield every row as an object, in step order."""
         return (self.report(row) for row in range(len(self)))
-
-
-def _scalar(value: Any, enum: type[IntEnum] | None) -> Any:
-    if enum is not None:
-        return enum(int(value))
-    return value.copy() if isinstance(value, np.ndarray) else value.item()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
