@@ -24,10 +24,12 @@ from mdtopo.report import (
 from mdtopo.store import read_so_far
 
 MOST_SCENES = 16
-"""Events that are shown with a picture and a 3D view: the worst."""
+"""Events that are shown with a picture and a 3D view where nobody asks for more: the worst."""
 
 
-def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overwrite: bool = False) -> RunData:
+def write_report(
+    results: Path, out: Path, inputs: Sequence[Path] = (), *, views: int | None = None, overwrite: bool = False
+) -> RunData:
     """Write the report of a run, one page that needs no other file, and return the run.
 
     Parameters
@@ -39,6 +41,8 @@ def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overw
     inputs : sequence of Path
         Topology and trajectory, where they have moved; by default the stored paths. Where they are missing or have
         changed, the page says so and has everything but the pictures of the events.
+    views : int, optional
+        How many events are shown in 3D, the worst; by default up to 16, as many as a page below 8 MB has room for.
     overwrite : bool
         Whether an existing page may be replaced.
 
@@ -51,13 +55,18 @@ def write_report(results: Path, out: Path, inputs: Sequence[Path] = (), *, overw
     """
     check_target(out, overwrite=overwrite)
     run = RunData.of(results, read_so_far(results))
-    scenes, why = event_scenes(run, inputs)
-    write_text(out, render_page(run, scenes, no_views=why))
+    scenes, why = event_scenes(run, inputs, MOST_SCENES if views is None else views)
+    write_text(out, render_page(run, scenes, no_views=why, n_views=views))
     return run
 
 
 def write_overview(
-    results: Sequence[Path], out: Path, *, multiqc: bool = False, overwrite: bool = False
+    results: Sequence[Path],
+    out: Path,
+    *,
+    views: int | None = None,
+    multiqc: bool = False,
+    overwrite: bool = False,
 ) -> list[OverviewRow]:
     """Write a page for each of many runs beside one page that names them all, worst first, and return its rows.
 
@@ -69,6 +78,8 @@ def write_overview(
         The results files.
     out : Path
         The overview; the page of a run is named after both.
+    views : int, optional
+        As for `write_report`.
     multiqc : bool
         Whether to write what MultiQC takes of each run too.
     overwrite : bool
@@ -88,7 +99,7 @@ def write_overview(
             page = f"{out.stem}-{path.stem}-{count}.html"
         taken.add(page)
         try:
-            run = write_report(path, out.with_name(page), overwrite=overwrite)
+            run = write_report(path, out.with_name(page), views=views, overwrite=overwrite)
         except InputError as error:
             rows.append(OverviewRow(str(path), None, "", str(error)))
             continue
@@ -116,9 +127,9 @@ def write_multiqc(run: RunData, page: Path, *, overwrite: bool = False) -> list[
     return written
 
 
-def event_scenes(run: RunData, inputs: Sequence[Path] = ()) -> tuple[dict[str, Scene], str]:
+def event_scenes(run: RunData, inputs: Sequence[Path] = (), most: int = MOST_SCENES) -> tuple[dict[str, Scene], str]:
     """Return the surroundings of the worst events by the id of their alert, and why there are none, in one sentence."""
-    shown = [event for event in ranked_events(run) if event.edges and event.frames is not None][:MOST_SCENES]
+    shown = [event for event in ranked_events(run) if event.has_view][:most]
     if not shown:
         return {}, ""
     try:

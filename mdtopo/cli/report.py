@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from mdtopo.cli.exits import EXIT_HELP, Exit
-from mdtopo.cli.options import VERBOSE, add_options, given_options, settled
+from mdtopo.cli.options import VERBOSE, add_options, given_options, settled, whole_number
 
 DESCRIPTION = """\
 Write the report of a results file: one page that opens in any browser, works offline, and answers in ten seconds
@@ -47,6 +47,12 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         default=[],
         help="topology, then trajectory, where they are not any more where they were; once for each",
     )
+    parser.add_argument(
+        "--views",
+        metavar="N",
+        type=whole_number,
+        help="3D views of the N worst events, however large the page becomes (default: up to 16, below 8 MB)",
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace a page that exists")
     add_options(parser, (VERBOSE,))
     parser.set_defaults(run=run, parser=parser)
@@ -66,10 +72,11 @@ def run(arguments: argparse.Namespace) -> Exit:
     verbose = settled((VERBOSE,), given_options(arguments, (VERBOSE,)))
     with logging_to_stderr({**verbose, "quiet": True}):
         if many:
-            rows = write_overview(arguments.results, out, multiqc=arguments.multiqc, overwrite=overwrite)
+            pages = {"views": arguments.views, "overwrite": overwrite}
+            rows = write_overview(arguments.results, out, multiqc=arguments.multiqc, **pages)
             sys.stdout.write(f"{len(rows)} runs; the overview is in {out}\n")
             return Exit.DONE if all(row.run is not None for row in rows) else Exit.BAD_INPUT
-        found = write_report(arguments.results[0], out, arguments.input, overwrite=overwrite)
+        found = write_report(arguments.results[0], out, arguments.input, views=arguments.views, overwrite=overwrite)
         if arguments.multiqc:
             write_multiqc(found, out, overwrite=overwrite)
     so_far = " in finished parts, the run has not ended" if found.in_progress else ""

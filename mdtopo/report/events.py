@@ -40,6 +40,11 @@ class Event:
         """The grade of a crossing in words, else empty."""
         return "" if self.crossing is None else self.crossing.grade.name.lower()
 
+    @property
+    def has_view(self) -> bool:
+        """Whether there is something to look at: a pair or an edge, in a step."""
+        return bool(self.edges) and self.frames is not None
+
 
 def ranked_events(run: RunData) -> list[Event]:
     """Return the events of all alerts, worst first: by severity, kind, grade of a crossing, and how far beyond."""

@@ -1,6 +1,7 @@
 """One run as one page: everything inlined, so that it opens anywhere and asks the network for nothing."""
 
 import json
+import math
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
@@ -16,7 +17,7 @@ from mdtopo.report.interval import IntervalAdvice, interval_advice, percent
 from mdtopo.report.rundata import RunData
 from mdtopo.report.scene import Scene
 from mdtopo.report.snippets import snippets
-from mdtopo.report.views import View, packed, views_of
+from mdtopo.report.views import MOST_BYTES, View, packed, views_of
 
 MOST_LISTED = 200
 """Alerts in the list; the sentence below it says how many there are beside."""
@@ -50,7 +51,7 @@ SEVERITY_SHAPES = {
 }
 
 
-def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = "") -> str:
+def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = "", n_views: int | None = None) -> str:
     """Return the page of a run.
 
     Parameters
@@ -60,9 +61,12 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         The surroundings of some events, by the id of their alert.
     no_views : str
         One sentence that says why there are none, where there are none.
+    n_views : int, optional
+        For so many events the page has room, however large it becomes; by default it stays below 8 MB.
     """
     events = ranked_events(run)
-    views = views_of(events[:MOST_LISTED], scenes)
+    listed = events[: max(MOST_LISTED, n_views or 0)]
+    views = views_of(listed, scenes, MOST_BYTES if n_views is None else math.inf)
     scale, unit = time_unit(run)
     advice = interval_advice(run)
     context = {
@@ -76,8 +80,10 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "pair_cards": pair_cards(run),
         "most_cards": MOST_CARDS,
         "most_folded": MOST_FOLDED,
-        "events": [_event_row(run, event, views) for event in events[:MOST_LISTED]],
-        "n_more": max(0, len(events) - MOST_LISTED),
+        "events": [_event_row(run, event, views) for event in listed],
+        "n_more": len(events) - len(listed),
+        "n_viewable": sum(event.has_view for event in events),
+        "n_views": len(views),
         "advice": advice,
         "percent": percent,
         "no_views": no_views,
@@ -296,6 +302,7 @@ def _data(
         "criterion": run.config.criterion,
         "near_limit": run.config.near_limit,
         "alerts": _markers(run, events, scale),
+        "curve_name": "smooth curve (drawn; certified apart)",
         "scenes": {key: view.data for key, view in views.items()},
         "interval": _interval_data(advice),
     }

@@ -1,18 +1,36 @@
 """A static picture of an event, for print and where WebGL is missing: three instants, drawn by matplotlib."""
 
 import base64
+from collections.abc import Iterator
 from io import BytesIO
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mdtopo.report.scene import Scene, segment_distance
 from mdtopo.typing import Points
 
-BLACK, ORANGE, SKY, VERMILLION, BLUE = "#000000", "#E69F00", "#56B4E9", "#D55E00", "#0072B2"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PURPLE, VERMILLION, BLUE = "#CC79A7", "#D55E00", "#0072B2"
 """From the Okabe-Ito set."""
 
 MARKS = (VERMILLION, BLUE)
+
+PANEL_POINTS = 205.0
+"""Width of one of the three instants, in points (1/72 inch); dots are drawn in lengths and need it."""
+
+OCTAGON = np.stack([trig(np.arange(9) * np.pi / 4) for trig in (np.cos, np.sin)], axis=1)
+
+
+class Strip(NamedTuple):
+    """A straight line, shape (2, 3), the last column towards the eye; how it is drawn."""
+
+    ends: Points
+    colour: str
+    width: float
+    dots: bool = True
 
 
 def event_picture(scene: Scene) -> str:
@@ -40,29 +58,51 @@ def _screen(eye: Points) -> tuple[Points, Points]:
     return right, np.cross(eye, right)
 
 
-def _draw(axes: object, scene: Scene, t: float, frame: Points) -> None:
-    from matplotlib.axes import Axes
-
-    assert isinstance(axes, Axes)
-    strips: list[tuple[float, Points, str, float]] = []
-    for piece in scene.pieces:
-        x = ((1.0 - t) * piece.x0 + t * piece.x1) @ frame.T
-        # the cube of the view: what is before or behind it would hide the pair
-        near = np.asarray(np.max(np.abs(x), axis=1) <= scene.radius)
-        shown = np.flatnonzero(near[1:] | near[:-1]).tolist()
-        strips += [(float(x[k : k + 2, 2].mean()), x[k : k + 2], "#9a9a9a", 1.6) for k in shown]
+def _draw(axes: "Axes", scene: Scene, t: float, frame: Points) -> None:
+    strips = list(_strips(scene, t, frame))
     marked = [(1.0 - t) * x0 + t * x1 for x0, x1 in scene.marked]
     for x, colour in zip(marked, MARKS, strict=False):
-        turned = x @ frame.T
-        strips.append((float(turned[:, 2].mean()), turned, colour, 3.6))
-    for _, x, colour, width in sorted(
-        strips, key=lambda strip: strip[0]
-    ):  # the nearest last; a halo tells over from under
-        axes.plot(x[:, 0], x[:, 1], color="white", lw=width + 2.5, solid_capstyle="butt")
-        axes.plot(x[:, 0], x[:, 1], color=colour, lw=width, solid_capstyle="round", marker="o", ms=width + 0.8)
+        strips.append(Strip(x @ frame.T, colour, 3.6))
+    strips.sort(key=lambda strip: float(strip.ends[:, 2].mean()))  # the nearest last
+    _paint(axes, strips, PANEL_POINTS / (2.0 * scene.radius))
     axes.set(xlim=(-scene.radius, scene.radius), ylim=(-scene.radius, scene.radius), xticks=[], yticks=[])
     axes.set_aspect("equal")
     axes.set_title(f"t = {t:.4g}    {distance_words(marked)}", fontsize=10)
+
+
+def _strips(scene: Scene, t: float, frame: Points) -> Iterator[Strip]:
+    """Yield the edges and the curve in the cube of the view: what is before or behind it would hide the pair."""
+    rows = [(piece.x0, piece.x1, "#9a9a9a", 1.6, True) for piece in scene.pieces]
+    rows += [(path.x0, path.x1, PURPLE, 1.1, False) for path in scene.curves]
+    for x0, x1, colour, width, dots in rows:
+        x = ((1.0 - t) * x0 + t * x1) @ frame.T
+        near = np.asarray(np.max(np.abs(x), axis=1) <= scene.radius)
+        for k in np.flatnonzero(near[1:] | near[:-1]).tolist():
+            yield Strip(x[k : k + 2], colour, width, dots)
+
+
+def _paint(axes: "Axes", strips: list[Strip], points_per_length: float) -> None:
+    """Draw strips in their order, each with a halo, which tells over from under, and edges with dots at their ends.
+
+    One collection, because a thousand lines of their own take a second. It has one shape of cap for all: the flat one,
+    with which a halo does not bite into the strip before it; so dots are outlines of small octagons.
+    """
+    from matplotlib.collections import LineCollection
+
+    paths: list[Points] = []
+    colours: list[str] = []
+    widths: list[float] = []
+    for strip in strips:
+        line = strip.ends[:, :2]
+        paths += [line, line]
+        colours += ["white", strip.colour]
+        widths += [strip.width + (2.5 if strip.dots else 1.2), strip.width]
+        if strip.dots:
+            size = strip.width + 1.8
+            paths += [end + 0.25 * size / points_per_length * OCTAGON for end in line]
+            colours += [strip.colour] * 2
+            widths += [0.5 * size] * 2
+    axes.add_collection(LineCollection(paths, colors=colours, linewidths=widths, capstyle="butt"), autolim=False)
 
 
 def distance_words(marked: list[Points]) -> str:

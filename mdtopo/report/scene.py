@@ -1,6 +1,6 @@
 """The strands around an event, along the motion that was certified: what the 3D view and the static picture show."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +8,18 @@ from numpy.typing import NDArray
 
 from mdtopo.blocks import covariances, motion_of, whole_frames
 from mdtopo.curves import StepMotion
+from mdtopo.errors import MdtopoError
 from mdtopo.geometry.rigid import best_rotations
 from mdtopo.records import BrokenEdge, Frame, MonitorConfig, Strands, Traces
+from mdtopo.report.overlay import CurvePath, places, trace_curves
+from mdtopo.smooth import CurveKind
 from mdtopo.typing import Indices, Points
 
 MOST_VERTICES = 600
 """Vertices of a view, the nearest first: more make the page heavy and the view a ball of wool."""
+
+NEAR_PARTS, FAR_PARTS = 10, 4
+"""Chords by which the smooth curve of an edge is drawn, within the first view and beyond it."""
 
 N_INSTANTS = 201
 IMAGES = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -47,6 +53,10 @@ class Scene:
         Unit vector towards the viewer; across both edges.
     radius : float
         Half the width of the first view, Å.
+    curves : tuple of CurvePath
+        The smooth curve along the pieces of the marked strands; of all strands they would hide the pair.
+    no_curve : str
+        Why a strand has none, in one sentence; empty where all have one.
     """
 
     pieces: tuple[Piece, ...]
@@ -55,6 +65,8 @@ class Scene:
     distance: float
     eye: NDArray[np.float64]
     radius: float
+    curves: tuple[CurvePath, ...] = ()
+    no_curve: str = ""
 
 
 def step_path(
@@ -79,7 +91,12 @@ def step_path(
 
 
 def event_scene(
-    motion: StepMotion, traces: Traces, strands: Strands, edges: tuple[tuple[int, int], ...], t: float | None
+    motion: StepMotion,
+    traces: Traces,
+    strands: Strands,
+    edges: tuple[tuple[int, int], ...],
+    t: float | None,
+    kind: CurveKind = "interpolating",
 ) -> Scene:
     """Return the surroundings of the marked edges.
 
@@ -92,6 +109,8 @@ def event_scene(
         One or two edges.
     t : float or None
         When the view opens; by default where the pair is nearest.
+    kind : str
+        Which smooth curve is drawn beside the edges.
     """
     images = [np.zeros(3, dtype=np.int64)]
     if len(edges) == 2:
@@ -103,14 +122,17 @@ def event_scene(
     now = [(1.0 - t) * x0 + t * x1 for x0, x1 in marked]
     centre = np.mean(np.concatenate(now), axis=0)
     span = max(float(np.linalg.norm(x - centre, axis=1).max()) for x in now)
-    pieces = _pieces(motion, traces, strands, centre, t, [list(edge) for edge in edges], images)
+    bodies = _bodies(motion, traces, centre, t, [list(edge) for edge in edges], images)
+    curves, no_curve = _curves(motion, strands, bodies, centre, 4.0 * span, t, kind)
     return Scene(
-        tuple(pieces),
+        tuple(_pieces(motion, strands, bodies, centre)),
         tuple((x0 - centre, x1 - centre) for x0, x1 in marked),
         t,
         _spread(marked, t),
         _eye(now),
         4.0 * span,
+        tuple(curves),
+        no_curve,
     )
 
 
@@ -178,35 +200,78 @@ def _eye(now: list[Points]) -> NDArray[np.float64]:
     return np.asarray(tilted / max(float(np.linalg.norm(tilted)), 1e-12))
 
 
-def _pieces(
+@dataclass(frozen=True, slots=True, eq=False)
+class _Body:
+    """A trace in one image, the runs of its vertices near the centre, as positions in it, and whether it is marked."""
+
+    vertices: Indices
+    image: Indices
+    closed: bool
+    runs: tuple[Indices, ...]
+    marked: bool
+
+
+def _bodies(
     motion: StepMotion,
     traces: Traces,
-    strands: Strands,
     centre: NDArray[np.float64],
     t: float,
     edges: list[list[int]],
     images: list[Indices],
-) -> list[Piece]:
-    """Return the strands near the centre; the strands of marked edges in the images of those edges."""
-    bodies: list[tuple[Indices, Indices, bool]] = []
+) -> list[_Body]:
+    """Return the traces near the centre; those of marked edges in the images of those edges."""
+    bodies: list[tuple[Indices, Indices, bool, bool]] = []
     for g, closed in enumerate(traces.closed):
         vertices = traces.vertices[traces.offsets[g] : traces.offsets[g + 1]]
         held = [image for edge, image in zip(edges, images, strict=True) if edge[0] in vertices]
         for image in held or [_image_near(motion, vertices, centre, t)]:
-            if not any(v is vertices and (i == image).all() for v, i, _ in bodies):
-                bodies.append((vertices, image, bool(closed)))
-    far = [np.linalg.norm(_at(motion, vertices, image, t) - centre, axis=1) for vertices, image, _ in bodies]
+            if not any(v is vertices and (i == image).all() for v, i, *_ in bodies):
+                bodies.append((vertices, image, bool(closed), bool(held)))
+    far = [np.linalg.norm(_at(motion, vertices, image, t) - centre, axis=1) for vertices, image, *_ in bodies]
     every = np.sort(np.concatenate(far))
     reach = every[min(MOST_VERTICES, len(every)) - 1]
-    pieces = []
-    for (vertices, image, closed), distance in zip(bodies, far, strict=True):
-        for run in _runs(distance <= reach, closed):
-            chosen = vertices[run]
-            x0, x1 = _placed(motion, chosen.tolist(), image)
+    return [
+        _Body(vertices, image, closed, tuple(_runs(distance <= reach, closed)), marked)
+        for (vertices, image, closed, marked), distance in zip(bodies, far, strict=True)
+    ]
+
+
+def _pieces(motion: StepMotion, strands: Strands, bodies: list[_Body], centre: NDArray[np.float64]) -> Iterator[Piece]:
+    for body in bodies:
+        for run in body.runs:
+            chosen = body.vertices[run]
+            x0, x1 = _placed(motion, chosen.tolist(), body.image)
             name = strands.names[strands.strand_of_vertex[chosen[0]]]
-            labels = tuple(strands.labels.text(v) for v in chosen)
-            pieces.append(Piece(name, labels, x0 - centre, x1 - centre))
-    return pieces
+            yield Piece(name, tuple(strands.labels.text(v) for v in chosen), x0 - centre, x1 - centre)
+
+
+def _curves(
+    motion: StepMotion,
+    strands: Strands,
+    bodies: list[_Body],
+    centre: NDArray[np.float64],
+    radius: float,
+    t: float,
+    kind: CurveKind,
+) -> tuple[list[CurvePath], str]:
+    """Return the smooth curve along the runs of the marked traces, and why one of them has none."""
+    paths, problem = [], ""
+    for body in bodies:
+        if not (body.marked and body.runs):
+            continue
+        x0, x1 = (x - centre for x in _placed(motion, body.vertices.tolist(), body.image))
+        try:
+            curves = trace_curves(x0, x1, closed=body.closed, kind=kind)
+        except MdtopoError as error:
+            problem = problem or str(error)
+            continue
+        name = strands.names[strands.strand_of_vertex[body.vertices[0]]]
+        near = np.linalg.norm((1.0 - t) * x0 + t * x1, axis=1) <= radius
+        n_edges = len(x0) - (not body.closed)
+        for run in body.runs:
+            parts = np.where(near[run[:-1]] | near[run[1:]], NEAR_PARTS, FAR_PARTS)
+            paths.append(CurvePath(name, *(places(curve, n_edges, run, parts) for curve in curves)))
+    return paths, problem
 
 
 def _at(motion: StepMotion, vertices: Indices, image: Indices, t: float) -> Points:

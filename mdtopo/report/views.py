@@ -14,7 +14,7 @@ from mdtopo.report.picture import event_picture
 from mdtopo.report.scene import Scene
 
 MOST_BYTES = 1_200_000
-"""Bytes of all views together; the library that draws takes 4.8 MB, and a page stays below 8 MB."""
+"""Bytes of all views together, where nobody asks for more; a page stays below 8 MB, and what draws it takes 4.8 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +29,14 @@ class View:
         What the script draws, ready for JSON.
     t : float
         When it opens.
+    no_curve : str
+        Why a strand has no smooth curve in it; empty where all have one.
     """
 
     picture: str
     data: Mapping[str, Any]
     t: float
+    no_curve: str
 
     @property
     def n_bytes(self) -> int:
@@ -41,14 +44,14 @@ class View:
         return len(self.picture) + len(json.dumps(self.data))
 
 
-def views_of(events: Sequence[Event], scenes: Mapping[str, Scene]) -> dict[str, View]:
-    """Return the views by the id of the alert: of the events in order, until `MOST_BYTES` are spent."""
-    views, left = {}, MOST_BYTES
+def views_of(events: Sequence[Event], scenes: Mapping[str, Scene], most_bytes: float) -> dict[str, View]:
+    """Return the views by the id of the alert: of the events in order, until the bytes are spent."""
+    views, left = {}, most_bytes
     for event in events:
         scene = scenes.get(event.alert.id)
         if scene is None:
             continue
-        view = View(event_picture(scene), _scene_data(scene), scene.t)
+        view = View(event_picture(scene), _scene_data(scene), scene.t, scene.no_curve)
         left -= view.n_bytes
         if left < 0:
             break
@@ -76,4 +79,20 @@ def _scene_data(scene: Scene) -> dict[str, Any]:
         "t": scene.t,
         "eye": scene.eye.tolist(),
         "radius": scene.radius,
+        "curve": _curve_data(scene),
     }
+
+
+def _curve_data(scene: Scene) -> dict[str, Any]:
+    """Return the smooth curve in whole numbers of a 32767th of the view's reach: finer than any screen."""
+    reach = max((float(np.abs([path.x0, path.x1]).max()) for path in scene.curves), default=1.0)
+    unit = max(reach, 1e-300) / 32767.0
+    lines = [
+        {
+            "strand": path.strand,
+            "x0": packed(np.rint(path.x0 / unit), "<i2"),
+            "x1": packed(np.rint(path.x1 / unit), "<i2"),
+        }
+        for path in scene.curves
+    ]
+    return {"unit": unit, "lines": lines}

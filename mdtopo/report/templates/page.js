@@ -1,7 +1,8 @@
 "use strict";
 (() => {
 const data = JSON.parse(document.getElementById("mdtopo-data").textContent);
-const OKABE = ["#56B4E9", "#009E73", "#E69F00", "#CC79A7", "#999999"];
+const OKABE = ["#56B4E9", "#009E73", "#E69F00", "#999999"];
+const CURVE = "#CC79A7";
 const MARKS = ["#D55E00", "#0072B2"];
 // plotly reads tags in labels; labels come from files, so they are shown as text
 const plain = (s) => String(s).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
@@ -181,6 +182,19 @@ function openView(view) {
     }
     return { x, y, z, text };
   });
+  // places on the smooth curve move straight, because its control points are linear in the vertices
+  const curves = d.curve.lines.map((p) => ({ strand: plain(p.strand), x0: unpack(p.x0, Int16Array), x1: unpack(p.x1, Int16Array) }));
+  const smooth = (t) => {
+    const x = [], y = [], z = [], text = [];
+    for (const p of curves) {
+      for (let k = 0; k < p.x0.length; k += 3) {
+        const v = [0, 1, 2].map((c) => d.curve.unit * ((1 - t) * p.x0[k + c] + t * p.x1[k + c]));
+        x.push(v[0]); y.push(v[1]); z.push(v[2]); text.push(p.strand);
+      }
+      x.push(null); y.push(null); z.push(null); text.push("");
+    }
+    return { x, y, z, text };
+  };
   const marks = (t) => d.marked.map(([x0, x1]) => x0.map((p, k) => p.map((v, c) => (1 - t) * v + t * x1[k][c])));
   const column = (points, c) => points.map((p) => p[c]);
   const moving = (t) => {
@@ -195,6 +209,7 @@ function openView(view) {
   const t0 = d.t, line3 = (extra) => ({ type: "scatter3d", mode: "lines+markers", hoverinfo: "text+name", ...extra });
   const traces = [
     ...at(t0).map((s, k) => line3({ ...s, name: plain(strands[k]), line: { color: OKABE[k % OKABE.length], width: 4 }, marker: { size: 2.5, color: OKABE[k % OKABE.length] }, opacity: 0.75, showlegend: strands.length <= 8 })),
+    line3({ ...smooth(t0), name: plain(data.curve_name), mode: "lines", line: { color: CURVE, width: 3 }, visible: curves.length > 0 }),
     ...moving(t0).map((s, k) => line3(k < d.marked.length
       ? { ...s, name: d.marked.length === 2 ? (k ? "second edge" : "first edge") : "edge", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
       : { ...s, name: "distance", mode: "lines+markers", line: { color: "#000", width: 4 }, marker: { size: 4, color: "#000", symbol: "diamond" }, visible: d.marked.length === 2 })),
@@ -206,7 +221,7 @@ function openView(view) {
   Plotly.newPlot(stage, traces, layout, { ...CONFIG, modeBarButtonsToRemove: ["tableRotation", "resetCameraLastSave3d"] });
   const every = traces.map((_, k) => k);
   const move = (t) => {
-    const now = [...at(t), ...moving(t)];
+    const now = [...at(t), smooth(t), ...moving(t)];
     Plotly.restyle(stage, { x: now.map((s) => s.x), y: now.map((s) => s.y), z: now.map((s) => s.z) }, every);
   };
   slider.value = t0;

@@ -22,6 +22,7 @@ from mdtopo.records import AlertKind, MonitorConfig, StepState
 from mdtopo.report import RunData, ranked_events, render_page
 from mdtopo.report.envelope import MOST_BINS
 from mdtopo.report.scene import Piece
+from mdtopo.report.views import views_of
 from mdtopo.reporting import event_scenes, write_report
 from mdtopo.store import read_running
 
@@ -189,6 +190,30 @@ def test_a_crowded_run_stays_below_eight_megabytes(make: Callable[..., Path], mo
     assert sum(marker["n"] for marker in data["alerts"]) == sum(kind is not AlertKind.GAP for kind in kinds) * 1250
 
 
+def test_views_that_are_left_out_are_said_and_to_be_had(
+    make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results = make(near_limit=0.1)
+    page = results.with_suffix(".html")
+    run = RunData.of(results, read_results(results))
+    events = [event for event in ranked_events(run) if event.has_view]
+    every = [event.alert.id for event in events]
+    assert len(every) > 1
+    write_report(results, page)
+    assert list(page_data(page.read_text())["scenes"]) == every
+    assert "are left out" not in page.read_text()
+    first = views_of(events[:1], event_scenes(run)[0], 1e9)[every[0]]
+    monkeypatch.setattr("mdtopo.report.page.MOST_BYTES", first.n_bytes)
+    write_report(results, page, overwrite=True)
+    assert list(page_data(page.read_text())["scenes"]) == every[:1]
+    assert f"{len(every) - 1} are left out" in page.read_text()
+    assert f"mdtopo report run.h5 --views {len(every)} --overwrite" in page.read_text()
+    assert main(["report", str(results), "--views", str(len(every)), "--overwrite"]) == 0
+    assert list(page_data(page.read_text())["scenes"]) == every
+    assert main(["report", str(results), "--views", "1", "--overwrite"]) == 0
+    assert list(page_data(page.read_text())["scenes"]) == every[:1]
+
+
 def test_no_trajectory_no_views(make: Callable[..., Path]) -> None:
     results = make()
     results.with_suffix(".npz").unlink()
@@ -304,6 +329,14 @@ def test_in_a_browser(make: Callable[..., Path], tmp_path: Path) -> None:
             "Plotly.relayout('time-plot', {'xaxis.range': [1, 3]});"
         )
         assert "t = 1.0000" in page.run("return document.querySelector('.controls output').textContent")
+        drawn = page.run(
+            "const c = document.querySelector('.stage').data.find((s) => s.name.startsWith('smooth curve'));"
+            "return [c.x, c.y, c.z, c.visible];"
+        )
+        curve = next(iter(page_data(page_file.read_text())["scenes"].values()))["curve"]
+        expected = curve["unit"] * unpacked(curve["lines"][0]["x1"], "<i2").reshape(-1, 3)
+        np.testing.assert_allclose(np.array(drawn[:3], dtype=float).T[: len(expected)], expected, rtol=1e-12)
+        assert drawn[3] is True
         assert page.errors() == []
 
 
