@@ -5,7 +5,7 @@ behind it. This is the one thing that is handed from block to block, and it is c
 `BlockPlan` depends on nothing else, so threads may take one each.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,7 +119,7 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
     setting : Setting
         As returned with the block before, or `Setting.start`.
     """
-    problems = list(block.problems)
+    problems: list[str] = []
     ratios = np.full((block.n_steps + 1, len(setting.limits.reference)), np.nan)
     parts: list[Stretch] = []
     broken: list[BrokenEdge] = []
@@ -128,17 +128,17 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
         setting, broken = _watch_first_frame(block, setting)
     first = setting.bonds
     while start < block.n_steps:
-        frames = _whole(block, problems, slice(start, None), setting.traces)
-        _note_winding(frames, start, setting.strands, setting.traces, problems)
+        frames = _whole(block, slice(start, None), setting.traces)
         ratios[start + 1 :] = setting.all_edges(frames.lengths[1:])  # a frame belongs to the step that it ends
         count, after = _until_break(ratios[start + 1 :], setting)
-        parts.append(Stretch(slice(start, start + count), frames.first(count + 1), setting.traces))
+        part = Stretch(slice(start, start + count), frames.first(count + 1), setting.traces)
+        parts.append(part)
+        problems += _step_problems(block, part, setting.strands)
         start += count
         broken += _newly_broken(block, start, ratios[start], after, setting)
         setting = _with_bonds(setting, after)
-    found = _step_problems(block, problems)
     bonds = first, setting.bonds
-    return BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), found, setting.limits, bonds), setting
+    return BlockPlan(block, tuple(parts), ratios[1:], tuple(broken), tuple(problems), setting.limits, bonds), setting
 
 
 def plan_step(block: FrameBlock, strands: Strands) -> BlockPlan:
@@ -150,19 +150,19 @@ def plan_step(block: FrameBlock, strands: Strands) -> BlockPlan:
         Two frames. The first one's edge lengths are the reference.
     strands : Strands
     """
-    traces, problems, n_edges = Traces.of(strands), list(block.problems), len(strands.edges)
-    frames = _whole(block, problems, slice(None), traces)
-    _note_winding(frames, 0, strands, traces, problems)
+    traces, n_edges = Traces.of(strands), len(strands.edges)
+    frames = _whole(block, slice(None), traces)
     reference, ratios, unknown = np.empty(n_edges), np.empty((1, n_edges)), np.full(n_edges, np.nan)
     reference[traces.edge_index] = np.where(frames.lengths[0] > 0.0, frames.lengths[0], np.nan)
     ratios[:, traces.edge_index] = frames.lengths[1] / reference[traces.edge_index]
     limits, bonds = BondLimits(reference, unknown, unknown), BondState.intact(n_edges)
     part = Stretch(slice(0, 1), frames, traces)
-    return BlockPlan(block, (part,), ratios, (), _step_problems(block, problems), limits, (bonds, bonds))
+    problems = tuple(_step_problems(block, part, strands))
+    return BlockPlan(block, (part,), ratios, (), problems, limits, (bonds, bonds))
 
 
-def _whole(block: FrameBlock, problems: Sequence[str], part: slice, traces: Traces) -> WholeFrames:
-    usable = np.array([not problem for problem in problems[part]], dtype=np.bool_)
+def _whole(block: FrameBlock, part: slice, traces: Traces) -> WholeFrames:
+    usable = np.array([not problem for problem in block.problems[part]], dtype=np.bool_)
     cells = block.cells if block.cells is not None else np.zeros((len(block.frames), 3, 3))
     return _whole_frames(block.positions[part], cells[part], usable, block.cells is not None, traces)
 
@@ -171,20 +171,36 @@ def _whole_frames(
     positions: PointSeries, cells: PointSeries, usable: Flags, periodic: bool, traces: Traces
 ) -> WholeFrames:
     t = traces
-    return whole_frames(positions, cells, usable, periodic, t.vertices, t.offsets, t.closed, t.edges)
+    frames = whole_frames(positions, cells, usable, periodic, t.vertices, t.offsets, t.closed, t.edges)
+    _close_winding_rings(frames, traces)
+    return frames
 
 
-def _note_winding(frames: WholeFrames, start: int, strands: Strands, traces: Traces, problems: list[str]) -> None:
-    """Mark frames in which a ring closes through the boundary: it cannot be made whole, so nothing can be proved."""
+def _close_winding_rings(frames: WholeFrames, traces: Traces) -> None:
+    """Give the closing edge of a ring that closes through the boundary its length in the nearest image, in place.
+
+    Laid out along the ring it leads back to the first vertex of the same cell instead, and would count as broken.
+    """
     if not frames.winding.any():
         return
     for k, trace in zip(*np.nonzero(frames.winding.any(axis=2)), strict=True):
-        vertex = traces.vertices[traces.offsets[trace]]
-        name = strands.names[strands.strand_of_vertex[vertex]]
-        problems[start + k] = (
-            f"ring {name!r} closes through the periodic boundary (winding {frames.winding[k, trace].tolist()}), "
+        first, last = traces.vertices[traces.offsets[trace]], traces.vertices[traces.offsets[trace + 1] - 1]
+        way = frames.positions[k, first] + frames.winding[k, trace] @ frames.cells[k] - frames.positions[k, last]
+        frames.lengths[k, traces.edges[:, 0] == last] = np.linalg.norm(way)  # a vertex is the tail of one edge
+
+
+def _windings(part: Stretch, strands: Strands) -> dict[int, str]:
+    """Return by frame of a part which ring closes through the boundary: it cannot be made whole."""
+    found: dict[int, str] = {}
+    if not part.frames.winding.any():
+        return found
+    for k, trace in zip(*np.nonzero(part.frames.winding.any(axis=2)), strict=True):
+        name = strands.names[strands.strand_of_vertex[part.traces.vertices[part.traces.offsets[trace]]]]
+        found[int(k)] = (
+            f"ring {name!r} closes through the periodic boundary (winding {part.frames.winding[k, trace].tolist()}), "
             "which mdtopo does not handle; leave it out of the selection"
         )
+    return found
 
 
 def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
@@ -203,7 +219,7 @@ def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
 
 def _watch_first_frame(block: FrameBlock, setting: Setting) -> tuple[Setting, list[BrokenEdge]]:
     """Count the run's first frame too: every other frame is the end of a step, this one is not."""
-    frames = _whole(block, block.problems, slice(0, 1), setting.traces)
+    frames = _whole(block, slice(0, 1), setting.traces)
     ratios = setting.all_edges(frames.lengths)[0]
     after = setting.bonds.after(ratios, setting.limits, setting.config.fracture_frames)
     fresh = _newly_broken(block, 0, ratios, after, setting)
@@ -230,18 +246,22 @@ def _newly_broken(block: FrameBlock, k: int, ratios: Ratios, after: BondState, s
     ]
 
 
-def _step_problems(block: FrameBlock, problems: Sequence[str]) -> tuple[str, ...]:
-    """Return what is wrong with each step, in words; empty where nothing is."""
-    found = []
-    for k in range(block.n_steps):
-        bad = [f"frame {block.frames[f]}: {problems[f]}" for f in (k, k + 1) if problems[f]]
+def _step_problems(block: FrameBlock, part: Stretch, strands: Strands) -> Iterator[str]:
+    """Yield what is wrong with each step of a part, in words; empty where nothing is.
+
+    What a ring does is asked of the edges that the step has: the frame in which one of them breaks belongs to two
+    steps, and only the one before has a ring there.
+    """
+    windings = _windings(part, strands)
+    for k in range(part.steps.start, part.steps.stop):
+        frames = ((f, block.problems[f] or windings.get(f - part.steps.start, "")) for f in (k, k + 1))
+        bad = [f"frame {block.frames[f]}: {problem}" for f, problem in frames if problem]
         if block.times[k + 1] <= block.times[k]:  # an unknown time (NaN) is no objection
             bad.append(
                 f"frame {block.frames[k + 1]}: time {block.times[k + 1]:g} ps does not come after "
                 f"{block.times[k]:g} ps of frame {block.frames[k]}"
             )
-        found.append("; ".join(bad))
-    return tuple(found)
+        yield "; ".join(bad)
 
 
 def reference_samples(frames: list[Frame], strands: Strands) -> Lengths:

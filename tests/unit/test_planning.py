@@ -154,6 +154,48 @@ def test_a_ring_that_closes_through_the_boundary_is_named() -> None:
     assert "ring 'the band' closes through the periodic boundary (winding [1, 0, 0])" in plan.problems[0]
 
 
+OPENING = Strands.from_lengths([6], closed=True)
+
+
+def opening_ring(gap: float) -> Points:
+    """Six beads 1 Å apart, but for the edge 2-3 of up to 4.4 Å; knees keep the others short."""
+    foot, top = np.array([0.5 * gap, 0.0, 0.0]), np.array([0.5, 1.0, 0.0])
+    knee = 0.5 * (foot + top)
+    knee[2] = np.sqrt(1.0 - 0.25 * np.sum((foot - top) ** 2))
+    mirror = np.array([-1.0, 1.0, 1.0])
+    return np.array([mirror * top, mirror * knee, mirror * foot, foot, knee, top])
+
+
+def test_a_closing_edge_has_the_length_of_its_nearest_image_where_the_ring_winds() -> None:
+    cell = np.diag([8.0, 20.0, 20.0])
+    frames = block([band(8.0)] * 5, cells=np.stack([cell] * 5))
+    setting = Setting.start(RING, MonitorConfig(motion="lab"), reference_lengths(np.full((1, 4), 2.0)))
+    plan, _ = plan_block(frames, setting)
+    np.testing.assert_array_equal(plan.ratios, np.ones((4, 4)))
+    assert plan.broken == ()
+    assert all(plan.problems)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 7])
+def test_a_ring_that_winds_until_it_breaks_is_judged_alike_however_blocks_are_cut(size: int) -> None:
+    """The long edge takes the image on its other side, so that the ring winds: until it is no ring any more."""
+    cell = np.diag([7.0, 20.0, 20.0])
+    frames = [opening_ring(gap) for gap in (1.0, 1.0, 4.0, 4.1, 4.2, 4.2, 4.1, 4.0, 1.0, 1.0)]
+    cells = np.stack([cell] * len(frames))
+    setting, problems, broken, ratios, edges = start(OPENING), [], [], [], []
+    for first in range(0, len(frames) - 1, size):
+        part = slice(first, first + size + 1)
+        plan, setting = plan_block(block(frames[part], first, cells=cells[part]), setting)
+        problems += plan.problems
+        broken += [(edge.frame, edge.edge) for edge in plan.broken]
+        ratios.append(plan.ratios[:, 2])
+        edges += [n for begin, stop, n in cuts(plan) for _ in range(begin, stop)]
+    assert [bool(problem) for problem in problems] == [False, True, True, True, False, False, False, False, False]
+    assert broken == [(4, (2, 3))]
+    assert edges == [6, 6, 6, 6, 5, 5, 5, 5, 5]
+    np.testing.assert_allclose(np.concatenate(ratios), [1.0, 3.0, 2.9, 2.8, *[np.nan] * 5], rtol=1e-12)
+
+
 def test_reference_samples_are_the_lengths_of_whole_strands_and_nan_for_unusable_frames() -> None:
     cell = 3.0 * np.eye(3)
     x = line()
