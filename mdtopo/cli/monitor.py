@@ -136,6 +136,7 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
             argv=argv,
             stop=stop,
             parts=PartLength(options["part_steps"], options["part_minutes"]),
+            broken_from=options["broken_from"],
         )
     if summary.checkpoint:
         return summary
@@ -191,6 +192,8 @@ def _closest_pair(summary: "RunSummary") -> str:
 def _refuse_same_file(inputs: list[Path], options: Mapping[str, Any]) -> None:
     """Refuse to write over an input, or two outputs to one file: --overwrite must not destroy a trajectory."""
     taken = {path.resolve(): "an input file" for path in inputs}
+    if options["broken_from"] is not None:
+        taken[Path(options["broken_from"]).resolve()] = "the shard of --broken-from"
     for name in ("out", "alerts", "report"):
         if options[name] in (None, "-"):
             continue

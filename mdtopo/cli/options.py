@@ -132,6 +132,17 @@ INPUT_OPTIONS = (
     ),
 )
 
+BROKEN_FROM = Option(
+    "broken-from",
+    Kind.TEXT,
+    None,
+    "results file of the shard before, which ends with the first frame of --frames: bonds that were broken there, or "
+    "too long, are so from the start",
+    "input",
+    metavar="SHARD",
+    example='"shard-1.h5"',
+)
+
 VERBOSE = Option("verbose", Kind.FLAG, False, "print more notes, and a traceback with every error", "output", short="v")
 
 THREADS = Option(
@@ -233,7 +244,7 @@ def knob_options() -> tuple[Option, ...]:
     )
 
 
-MONITOR_OPTIONS = (*INPUT_OPTIONS, *OUTPUT_OPTIONS, *knob_options())
+MONITOR_OPTIONS = (*INPUT_OPTIONS, BROKEN_FROM, *OUTPUT_OPTIONS, *knob_options())
 
 
 def whole_number(text: str) -> int:

@@ -76,20 +76,17 @@ def _refuse_unknown_breaks(ordered: Sequence[Shard]) -> None:
             before.bonds[1].streak != after.bonds[0].streak
         )
         edge = strands.describe_edge(strands.edges[int(np.flatnonzero(differing)[0])])
-        begin, _, step = ("" if n is None else n for n in before.results.request["frames"])
-        stop = "" if after.results.request["frames"][1] is None else after.results.request["frames"][1]
         raise InputError(
             f"At frame {frame} the edge {edge} is broken, or too long for some frames, which {after.path} did not know "
-            f"when it began; what it measured is not what one run would have. Put one shard "
-            f"--frames {begin}:{stop}:{step} in the place of the two."
+            f"when it began; what it measured is not what one run would have. Measure it again with --broken-from "
+            f"{before.path}."
         )
 
 
 def _head(ordered: Sequence[Shard], argv: Sequence[str]) -> Head:
     first, last = ordered[0].results, ordered[-1].results
     start, _, step = first.request["frames"]
-    request = {name: value for name, value in first.request.items() if name != "broken_from"}
-    request["frames"] = [start, last.request["frames"][1], step]
+    request = {**first.request, "frames": [start, last.request["frames"][1], step]}
     now = collect_provenance([], argv=argv, threads=first.provenance["threads"])
     origin: Provenance = replace(
         now,

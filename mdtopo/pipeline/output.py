@@ -44,6 +44,8 @@ class Output:
         None where the results file is finished already.
     resumed : bool
         Whether an earlier run was begun with the same input and settings.
+    start : BondState
+        The bonds at the first frame, unless that frame is itself the first to be held against their limits.
     """
 
     path: Path
@@ -51,6 +53,7 @@ class Output:
     parts: PartsWriter | None
     resumed: bool
     overwrite: bool
+    start: BondState
 
     @property
     def is_finished(self) -> bool:
@@ -68,11 +71,11 @@ class Output:
         """Yield what has been measured already."""
         return stored_tables(self.path) if self.is_finished else part_tables(self.path)
 
-    def bonds(self, n_edges: int) -> tuple[BondState, BondState]:
+    def bonds(self) -> tuple[BondState, BondState]:
         """Return the bonds at the first and at the last frame of the finished parts."""
         parts = self.parts.parts if self.parts is not None else []
         if not parts:
-            return BondState.intact(n_edges), BondState.intact(n_edges)
+            return self.start, self.start
         return parts[0].bonds[0], parts[-1].bonds[1]
 
     def note_reference(self, reference: ReferenceLengths) -> None:
@@ -96,8 +99,8 @@ class Output:
                 )
 
 
-def open_output(stack: ExitStack, path: Path, head: Head, *, overwrite: bool) -> Output:
-    """Return the output, locked until the stack unwinds.
+def open_output(stack: ExitStack, path: Path, head: Head, start: BondState, *, overwrite: bool) -> Output:
+    """Return the output, locked until the stack unwinds; `start` are the bonds that its run begins with.
 
     Raises
     ------
@@ -117,7 +120,7 @@ def open_output(stack: ExitStack, path: Path, head: Head, *, overwrite: bool) ->
     if path.exists() and not overwrite:
         if state is None and _holds(path, head):
             log.info("%s holds this run already, and is complete; nothing is measured.", path)
-            return Output(path, head, None, resumed=True, overwrite=overwrite)
+            return Output(path, head, None, resumed=True, overwrite=overwrite, start=start)
         check_target(path, overwrite=False)
     resumed = state is not None and _may_go_on(path, state, head, overwrite=overwrite)
     if not resumed:
@@ -132,7 +135,7 @@ def open_output(stack: ExitStack, path: Path, head: Head, *, overwrite: bool) ->
     parts.begin()
     if resumed and parts.parts:
         log.info("%s: going on behind step %d, which an earlier run has reached.", path, parts.parts[-1].next_step - 1)
-    return Output(path, head, parts, resumed, overwrite)
+    return Output(path, head, parts, resumed, overwrite, start)
 
 
 @dataclass(frozen=True, slots=True)

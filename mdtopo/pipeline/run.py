@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from mdtopo.alerts import AlertStream
+from mdtopo.bonds import BondState
 from mdtopo.errors import OutputError, TrajectoryError
 from mdtopo.pipeline.alertfile import AlertFile
 from mdtopo.pipeline.assembly import assemble
 from mdtopo.pipeline.output import Output, open_output
+from mdtopo.pipeline.preceding import after_shard
 from mdtopo.pipeline.stopping import StopRequest
 from mdtopo.pipeline.tables import (
     ALL_FRAMES,
@@ -58,6 +60,7 @@ def monitor(
     max_hours: float | None = None,
     stop: StopRequest | None = None,
     parts: PartLength | None = None,
+    broken_from: str | os.PathLike[str] | None = None,
 ) -> RunSummary:
     """Run the whole job over a trajectory: measure every step, raise alerts, write the results.
 
@@ -94,6 +97,9 @@ def monitor(
         Asked after each block whether to put the run down; in place of `max_hours`.
     parts : PartLength, optional
         How often what was measured is made safe; results do not depend on it.
+    broken_from : path, optional
+        Results file of the shard before, which ends with the first of `frames`: the bonds that are broken there, or too
+        long, are so from the start. Both together are then what one run would give.
 
     Returns
     -------
@@ -105,7 +111,8 @@ def monitor(
     Raises
     ------
     InputError
-        If the input cannot be opened or has no usable strands.
+        If the input cannot be opened or has no usable strands, or `broken_from` is no shard that ends where this run
+        begins.
     OutputError
         If an output exists already, is being written by another process, belongs to a run with other input or settings,
         or cannot be written. What was finished stays, and the same call goes on with it.
@@ -123,23 +130,35 @@ def monitor(
         )
         check_frames(opened, frames)
         config = with_coordinate_error(config, opened)
-        paths, output = _paths(inputs), None
+        paths, output, bonds = _paths(inputs), None, None
+        request = {
+            "select": select,
+            "frames": [frames.start, frames.stop, frames.step],
+            "reader": reader,
+            "reader_options": dict(reader_options or {}),
+        }
+        head = Head(opened.strands, config, collect_provenance(paths, argv=argv or [], threads=threads), request)
+        if broken_from is not None:
+            head, bonds = after_shard(Path(broken_from), head, opened, frames)
         if out is not None:
-            request = {
-                "select": select,
-                "frames": [frames.start, frames.stop, frames.step],
-                "reader": reader,
-                "reader_options": dict(reader_options or {}),
-            }
-            origin = collect_provenance(paths, argv=argv or [], threads=threads)
-            head = Head(opened.strands, config, origin, request)
-            output = open_output(stack, Path(out), head, overwrite=overwrite)
+            start = BondState.intact(len(opened.strands.edges)) if bonds is None else bonds
+            output = open_output(stack, Path(out), head, start, overwrite=overwrite)
         resumed = output is not None and output.resumed
         alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite, resume=resumed))
         for note in opened.notes:
             log.info("%s", note)
         job = _Job(
-            opened, frames, config, threads, alert_file, output, on_alert, on_progress, stop, parts or PartLength()
+            opened,
+            frames,
+            config,
+            threads,
+            alert_file,
+            output,
+            on_alert,
+            on_progress,
+            stop,
+            parts or PartLength(),
+            bonds,
         )
         return job.run(ahead=bool(paths))
 
@@ -162,6 +181,7 @@ class _Job:
     on_progress: Callable[[Progress], None] | None
     stop: StopRequest
     part_length: PartLength
+    bonds: BondState | None
 
     def run(self, *, ahead: bool) -> RunSummary:
         tally, stream = Tally(self.config), AlertStream(self.reader.strands, self.config)
@@ -192,6 +212,7 @@ class _Job:
             threads=self.threads,
             on_reference=self.output.note_reference if self.output is not None else None,
             restart=self.output.restart() if self.output is not None else None,
+            bonds=self.bonds,
             ahead=ahead,
         )
         parts = self.output.parts if self.output is not None else None
@@ -226,7 +247,7 @@ class _Job:
         path, parts = self.output.path, self.output.parts
         if parts is None:
             return tally.summary(path, stopped)
-        bonds = self.output.bonds(len(self.reader.strands.edges))
+        bonds = self.output.bonds()
         try:
             summary = assemble(
                 path,

@@ -130,6 +130,7 @@ def measured_blocks(
     threads: int | None = None,
     on_reference: Callable[[ReferenceLengths], None] | None = None,
     restart: Restart | None = None,
+    bonds: BondState | None = None,
     ahead: bool = False,
 ) -> Generator[Measured, None, None]:
     """Yield the measures of all steps of a reader's frames, block by block and in order.
@@ -150,6 +151,8 @@ def measured_blocks(
         Called with the reference lengths of the edges before the first table.
     restart : Restart, optional
         Where to go on; by default at the first of `frames`.
+    bonds : BondState, optional
+        The bonds after the first of `frames`, where another run has judged it; by default it is the first to be judged.
     ahead : bool
         Whether a thread of its own reads frames ahead. Not for an object of somebody who may use it meanwhile.
 
@@ -172,8 +175,9 @@ def measured_blocks(
         on_reference(reference)
     refuse_winding(first[0], reader.strands)
     setting = Setting.start(reader.strands, config, reference)
-    if restart is not None:
-        setting = setting.behind(restart.bonds)
+    known = bonds if restart is None else restart.bonds
+    if known is not None:
+        setting = setting.behind(known)
     periodic, first_step = first[0].cell is not None, 0 if restart is None else restart.step
     blocks = frame_blocks(stream, config.block_steps, periodic=periodic, first_step=first_step)
     with closing(read_ahead(blocks) if ahead else blocks) as ready:

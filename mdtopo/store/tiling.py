@@ -12,6 +12,10 @@ from mdtopo.bonds import BondState
 from mdtopo.errors import InputError
 from mdtopo.store.identity import differences
 from mdtopo.store.reader import Results, read_results
+from mdtopo.typing import JsonObject
+
+OWN = ("frames", "broken_from")
+"""What each shard of a run asks for itself."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,15 +45,27 @@ class Shard:
         """Number of steps."""
         return len(self.results.steps["frame_t0"])
 
+    @property
+    def stride(self) -> int:
+        """How far apart its analysed frames are."""
+        return int(self.results.steps["frame_t1"][0] - self.results.steps["frame_t0"][0])
+
     def identity(self) -> dict[str, Any]:
         """Return what must be the same in all shards."""
-        own = ("frames", "broken_from")
-        return {
-            "version": self.results.provenance["versions"].get("mdtopo"),
-            "config": self.results.config,
-            "request": {name: value for name, value in self.results.request.items() if name not in own},
-            "inputs": self.results.provenance["inputs"],
-        }
+        return comparable(
+            {
+                "version": self.results.provenance["versions"].get("mdtopo"),
+                "config": self.results.config,
+                "request": self.results.request,
+                "inputs": self.results.provenance["inputs"],
+            }
+        )
+
+
+def comparable(identity: JsonObject) -> dict[str, Any]:
+    """Return of the identity of a run what its shards have in common: not their frames, nor how they begin."""
+    request = {name: value for name, value in identity["request"].items() if name not in OWN}
+    return {**identity, "request": request}
 
 
 def read_shard(path: Path) -> Shard:
@@ -85,7 +101,7 @@ def in_order(shards: Sequence[Shard]) -> list[Shard]:
         found = list(differences(first.identity(), shard.identity()))
         if found:
             raise InputError(f"{shard.path} is no shard of the run that {first.path} is of: {'; '.join(found)}.")
-    strides = {int(np.diff(_frames(shard)[:2])[0]) for shard in ordered}
+    strides = {shard.stride for shard in ordered}
     if len(strides) > 1:
         words = " and ".join(map(str, sorted(strides)))
         raise InputError(f"The shards have frames that are {words} apart; merge those of one kind.")
@@ -104,10 +120,6 @@ def in_order(shards: Sequence[Shard]) -> list[Shard]:
                 f"{after.path}. Leave one out, or cut them so that they share one frame."
             )
     return ordered
-
-
-def _frames(shard: Shard) -> list[int]:
-    return [int(shard.results.steps["frame_t0"][0]), int(shard.results.steps["frame_t1"][0])]
 
 
 def same_bonds(one: BondState, other: BondState) -> bool:

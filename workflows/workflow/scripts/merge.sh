@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # merge.sh OUT MONITOR SHARD...: join shards, in order, to OUT; MONITOR is the command that measured them, as text.
 # A bond that broke in one shard is unknown to those behind it, which were measured at the same time; 'mdtopo merge'
-# then refuses, and names the frames to measure in one run instead of the two at the seam. That is done here. Where that
-# run ends with a bond that the next shard does not know either, all the rest is measured in one run: no frame is
-# measured more than three times, however many shards there are.
+# then refuses, and names the shard. It is measured again here, with the bonds that the shard before ends with; and so
+# are those behind it, as far as they did not know of the bond either. No frame is measured more than twice.
 set -uo pipefail
 out=$1 monitor=$2
 shift 2
@@ -23,23 +22,32 @@ unknowing() {
     done
 }
 
+measure() { # SHARD FRAMES BEFORE OPTION...: a shard again
+    eval "$monitor --quiet --frames $2 --broken-from '$3' -o '$1' ${*:4}"
+}
+
 while :; do
     code=0
     mdtopo merge --overwrite "${shards[@]}" -o "$out" 2> "$refused" || code=$?
     cat "$refused" >&2
-    after=$(unknowing)
-    if [ "$code" -eq 0 ] || [ -z "$after" ]; then
+    index=$(unknowing)
+    if [ "$code" -eq 0 ] || [ -z "$index" ]; then
         exit "$code"
     fi
-    before=${shards[after - 1]}
-    last=$after
-    [[ $(basename "$before") == again-* ]] && last=$((${#shards[@]} - 1))
-
-    IFS=- read -r begin _ step <<< "$(basename "${before/again-/}" .h5)"
-    IFS=- read -r _ stop _ <<< "$(basename "${shards[last]}" .h5)"
-    frames="$begin:$stop${step:+:$step}"
-    again="$(dirname "$before")/again-${frames//:/-}.h5"
-    echo "mdtopo: measuring the frames $frames in one run"
-    eval "$monitor --quiet --overwrite --frames $frames -o '$again'" || exit
-    shards=("${shards[@]:0:after-1}" "$again" "${shards[@]:last+1}")
+    name=$(basename "${shards[index]}" .h5)
+    if [[ $name == again-* ]]; then
+        exit "$code" # it did know: what is wrong is something else
+    fi
+    again="$(dirname "${shards[index]}")/again-$name.h5"
+    echo "mdtopo: measuring the frames ${name//-/:} again"
+    code=0
+    measure "$again" "${name//-/:}" "${shards[index - 1]}" || code=$?
+    if [ "$code" -eq 4 ]; then # what a job before this one has measured goes on, unless it is of another input
+        code=0
+        measure "$again" "${name//-/:}" "${shards[index - 1]}" --overwrite || code=$?
+    fi
+    if [ "$code" -ne 0 ]; then
+        exit "$code"
+    fi
+    shards[index]=$again
 done
