@@ -34,7 +34,13 @@ def test_a_task_that_is_told_to_checkpoint_goes_back_into_the_queue(tmp_path: Pa
         (tmp_path / name).write_text(f"#!/usr/bin/env bash\n{text}\n")
         (tmp_path / name).chmod(0o755)
     (tmp_path / "shards.txt").write_text("0:5\n4:9\n")
-    task = {"SLURM_ARRAY_TASK_ID": "2", "SLURM_JOB_ID": "7", "SHARDS": "shards.txt", "TOPOLOGY": "a", "TRAJECTORY": "b"}
+    task = {
+        "SLURM_ARRAY_TASK_ID": "2",
+        "SLURM_ARRAY_JOB_ID": "7",
+        "SHARDS": "shards.txt",
+        "TOPOLOGY": "a",
+        "TRAJECTORY": "b",
+    }
     environment = {**os.environ, **task, "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
     with subprocess.Popen(
         ["bash", str(TEMPLATE)],
@@ -55,4 +61,4 @@ def test_a_task_that_is_told_to_checkpoint_goes_back_into_the_queue(tmp_path: Pa
             os.killpg(running.pid, signal.SIGKILL)
             raise
     assert running.returncode == 75
-    assert "scontrol requeue 7" in said
+    assert "scontrol requeue 7_2\n" in said
