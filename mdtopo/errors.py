@@ -12,6 +12,7 @@
     │   ├── StrandError                    the selected atoms do not form strands
     │   └── OptionError                    an unknown reader option or configuration key
     ├── OutputError (OSError)              exit code 4: the output cannot be written
+    ├── ClusterError (RuntimeError)        exit code 4: a Dask cluster cannot be used, or has lost a task
     └── AuditError (AssertionError)        exit code 1: mdtopo contradicts itself, a bug
 
 A message is one sentence or two: the subject (file, frame, vertex), what was found, what was expected, and the
@@ -57,6 +58,10 @@ class OptionError(InputError):
 
 class OutputError(MdtopoError, OSError):
     """The output cannot be written, or exists already."""
+
+
+class ClusterError(MdtopoError, RuntimeError):
+    """A Dask cluster cannot be used, or a task was not done by it."""
 
 
 class AuditError(MdtopoError, AssertionError):

@@ -7,7 +7,7 @@ import traceback
 from contextlib import suppress
 from enum import IntEnum
 
-from mdtopo.errors import InputError, OutputError
+from mdtopo.errors import ClusterError, InputError, OutputError
 
 DEBUG_VARIABLE = "MDTOPO_DEBUG"
 """Environment variable that, set to anything, shows tracebacks."""
@@ -34,7 +34,8 @@ exit codes:
   2    the command line is wrong
   3    alerts at or above --fail-on were raised
   4    bad input, or output that cannot be written; also a trajectory that
-       could be read in part only (the results are kept, marked as incomplete)
+       could be read in part only (the results are kept, marked as incomplete),
+       and a Dask cluster that fails
   5    'mdtopo verify' found a difference
   75   put down on a signal or --max-hours, with all that was measured: run the
        same command again to go on
@@ -58,7 +59,7 @@ def exit_code(error: BaseException, *, show_traceback: bool) -> Exit:
     if isinstance(error, KeyboardInterrupt):
         say(" ".join(["interrupted.", *getattr(error, "__notes__", [])]))
         return Exit.INTERRUPTED
-    if isinstance(error, InputError | OutputError):
+    if isinstance(error, InputError | OutputError | ClusterError):
         say(str(error))
         return Exit.BAD_INPUT
     if "no locator available" in str(error):  # numba's words, when it is imported

@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,9 +91,10 @@ def run(arguments: argparse.Namespace) -> Exit:
     inputs = [Path(arguments.topology), *(Path(part) for part in arguments.trajectory)]
     summary = run_job(inputs, options, argv=arguments.argv)
     if summary.checkpoint:
+        kept = "shards" if options["dask"] is not None else "parts"
         say(
             f"put down after {summary.n_steps} steps, because {summary.checkpoint}; they are in "
-            f"{options['out']}.parts, and the same command goes on with them."
+            f"{options['out']}.{kept}, and the same command goes on with them."
         )
         return Exit.CHECKPOINT
     if summary.stopped:
@@ -110,7 +112,7 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     MdtopoError
         As `mdtopo.pipeline.monitor` does.
     """
-    from mdtopo.pipeline import PartLength, StopRequest, monitor, stopping_on_signals
+    from mdtopo.pipeline import PartLength, StopRequest, monitor, monitor_on_cluster, stopping_on_signals
 
     _refuse_same_file(inputs, options)
     _refuse_report(options)
@@ -121,7 +123,8 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     can_go_on = options["out"] is not None and threading.current_thread() is threading.main_thread()
     signals = stopping_on_signals(stop) if can_go_on else nullcontext()
     with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]), signals:
-        summary = monitor(
+        job = monitor if options["dask"] is None else partial(monitor_on_cluster, **_cluster(options))
+        summary = job(
             *inputs,
             select=options["select"],
             out=options["out"],
@@ -147,6 +150,12 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
         stream.write(_summary(summary, config, options))
         stream.flush()
     return summary
+
+
+def _cluster(options: Mapping[str, Any]) -> dict[str, Any]:
+    if options["out"] is None:
+        raise InputError("--dask needs --out: what the workers measure is kept in files beside it.")
+    return {"cluster": options["dask"], "shard_steps": options["shard_steps"]}
 
 
 def _refuse_report(options: Mapping[str, Any]) -> None:

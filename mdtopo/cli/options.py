@@ -9,6 +9,7 @@ from types import UnionType
 from typing import Any
 
 from mdtopo.records.config import MonitorConfig
+from mdtopo.records.shards import SHARD_STEPS
 
 NEVER = "never"
 """Value of --fail-on with which no alert changes the exit code."""
@@ -224,6 +225,27 @@ OUTPUT_OPTIONS = (
     VERBOSE,
 )
 
+CLUSTER_OPTIONS = (
+    Option(
+        "dask",
+        Kind.TEXT,
+        None,
+        "measure shards as tasks of the Dask cluster whose scheduler has this address; needs --out, and files that all "
+        "workers find under the same names; --threads is then that of a task, by default 1",
+        "cluster",
+        metavar="ADDRESS",
+        example='"tcp://host:8786"',
+    ),
+    Option(
+        "shard-steps",
+        Kind.COUNT,
+        SHARD_STEPS,
+        "greatest number of steps in such a shard; results do not depend on it",
+        "cluster",
+        metavar="N",
+    ),
+)
+
 
 def _knob_option(name: str, hint: Any, default: Any, help_text: str) -> Option:
     if typing.get_origin(hint) is typing.Literal:
@@ -244,7 +266,7 @@ def knob_options() -> tuple[Option, ...]:
     )
 
 
-MONITOR_OPTIONS = (*INPUT_OPTIONS, BROKEN_FROM, *OUTPUT_OPTIONS, *knob_options())
+MONITOR_OPTIONS = (*INPUT_OPTIONS, BROKEN_FROM, *OUTPUT_OPTIONS, *CLUSTER_OPTIONS, *knob_options())
 
 
 def whole_number(text: str) -> int:

@@ -1,5 +1,6 @@
 """The whole job: reader → blocks of frames → step tables → alerts → results. The only place where they meet."""
 
+from mdtopo.pipeline.clusterrun import monitor_on_cluster
 from mdtopo.pipeline.framing import block_of, refuse_winding
 from mdtopo.pipeline.merge import merge
 from mdtopo.pipeline.run import PartLength, monitor
@@ -15,6 +16,7 @@ __all__ = [
     "block_of",
     "merge",
     "monitor",
+    "monitor_on_cluster",
     "open_input",
     "refuse_winding",
     "step_tables",

@@ -62,9 +62,18 @@ def merge(
     check_target(Path(out), overwrite=overwrite)
     with ExitStack() as stack:
         alert_file = stack.enter_context(AlertFile(alerts, overwrite=overwrite))
-        bonds = ordered[0].bonds[0], ordered[-1].bonds[1]
-        head = _head(ordered, argv)
-        return assemble(Path(out), head, _tables(ordered), bonds, overwrite=overwrite, alert_file=alert_file)
+        return joined(ordered, Path(out), _head(ordered, argv), overwrite=overwrite, alert_file=alert_file)
+
+
+def joined(
+    ordered: Sequence[Shard], out: Path, head: Head, *, overwrite: bool, alert_file: AlertFile | None
+) -> RunSummary:
+    """Write the results file of shards that are in order and know of each other's bonds, and return its summary."""
+    bonds = ordered[0].bonds[0], ordered[-1].bonds[1]
+    first = ordered[0].results
+    inherited = tuple(edge for edge in first.broken if edge.step < 0)
+    whole = replace(head, reference=first.reference, inherited=inherited)
+    return assemble(out, whole, _tables(ordered), bonds, overwrite=overwrite, alert_file=alert_file)
 
 
 def _refuse_unknown_breaks(ordered: Sequence[Shard]) -> None:
@@ -93,9 +102,7 @@ def _head(ordered: Sequence[Shard], argv: Sequence[str]) -> Head:
         inputs=tuple(InputFile(**entry) for entry in first.provenance["inputs"]),
         started=min(shard.results.provenance["started"] for shard in ordered),
     )
-    inherited = tuple(edge for edge in first.broken if edge.step < 0)
-    config = MonitorConfig.from_mapping(first.config)
-    return Head(first.strands, config, origin, request, first.reference, inherited)
+    return Head(first.strands, MonitorConfig.from_mapping(first.config), origin, request)
 
 
 def _tables(ordered: Sequence[Shard]) -> Iterator[StepTable]:
