@@ -79,14 +79,21 @@ def step_of_frame(results: Results, frame: int) -> int:
 def explain(results: Results, step: int) -> list[Section]:
     """Return the story of one step, every number of it from the results.
 
+    Parameters
+    ----------
+    results : Results
+        With all columns, and the row of the step if not others.
+    step : int
+        Its number.
+
     Raises
     ------
     InputError
         If the results hold no such step.
     """
-    first, count = results.first_step, len(results.steps["verdict"])
-    if not first <= step < first + count:
-        held = f"they hold the steps {first} to {first + count - 1}" if count else "they hold no step"
+    stored = results.stored
+    if step not in stored:
+        held = f"they hold the steps {stored.start} to {stored.stop - 1}" if stored else "they hold no step"
         raise InputError(f"The results have no step {step}; {held}.")
     return list(_Story(results, step).sections())
 

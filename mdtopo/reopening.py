@@ -49,7 +49,8 @@ def input_files(results: Path, found: Results, given: Sequence[Path]) -> tuple[l
         now = fingerprint(path)
         for key, word in (("size", "size"), ("sha256_of_size_and_first_and_last_mebibyte", "content")):
             if getattr(now, key) != entry[key]:
-                raise InputError(f"{path} is not the file that {results} was made from: its {word} has changed.")
+                grows = " A trajectory that still grows can be read again when its run has ended." * found.in_progress
+                raise InputError(f"{path} is not the file that {results} was made from: its {word} has changed.{grows}")
         if now.path == entry["path"] and now.modified != entry["modified"]:
             notes.append(f"{path} was written to since the run; size, beginning and end are as they were")
     return paths, notes

@@ -11,7 +11,7 @@ from mdtopo.readers import Reader
 from mdtopo.records import Crossing, Frame, MonitorConfig, Rung, Verdict
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
 from mdtopo.reopening import frames_at, input_files, open_again
-from mdtopo.store import Results, read_results
+from mdtopo.store import Results, read_so_far
 from mdtopo.typing import Lengths
 
 SAME_NUMBER = 1e-9
@@ -117,7 +117,7 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
     Parameters
     ----------
     results : Path
-        The file.
+        The file; of a run that has not ended, its finished parts are looked at, and a note says so.
     inputs : sequence of Path
         Topology and trajectory, where they have moved; by default the stored paths.
     sampling : Sampling, optional
@@ -133,8 +133,10 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
     large can be shown by it, and never be proved right.
     """
     sampling = sampling or Sampling()
-    found = read_results(results)
+    found = read_so_far(results)
     paths, notes = input_files(results, found, inputs)
+    if found.in_progress:
+        notes.append("in progress: the run has not ended, and only its finished parts were looked at")
     chosen, left_out = chosen_steps(results, found, sampling)
     with open_again(results, found, paths) as reader:
         checks = tuple(_checks(found, reader, chosen))

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mdtopo.cli.alertformats import FORMATS, formatted
-from mdtopo.cli.exits import EXIT_HELP, Exit, say
+from mdtopo.cli.exits import Exit, say
 from mdtopo.cli.options import VERBOSE, add_options, frame_slice, knob_options
+from mdtopo.cli.resultsfile import add_results_command, say_if_unfinished
 from mdtopo.errors import InputError, OptionError
 from mdtopo.records.alerts import Alert, AlertKind, Severity
 from mdtopo.records.config import MonitorConfig
@@ -39,22 +40,24 @@ SHOWN_NAMES = 10
 
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = commands.add_parser(
+    parser = add_results_command(
+        commands,
         "alerts",
-        help="filter the alerts of a results file, or draw them anew with another threshold",
-        usage="mdtopo alerts [options] RESULTS",
-        description=DESCRIPTION,
-        epilog=EXAMPLE + EXIT_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "filter the alerts of a results file, or draw them anew with another threshold",
+        "[options] RESULTS",
+        DESCRIPTION,
+        EXAMPLE,
     )
-    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
     group = parser.add_argument_group("filters")
     kinds = [kind.value for kind in AlertKind]
     group.add_argument("--kind", choices=kinds, action="append", help="alerts of this kind; can be repeated")
     severities = [severity.name.lower() for severity in Severity]
     group.add_argument("--severity", choices=severities, help="alerts of this severity or a higher one")
     group.add_argument(
-        "--strand", metavar="NAME", action="append", help="alerts that concern this strand; can be repeated"
+        "--strand",
+        metavar="NAME",
+        action="append",
+        help="alerts that concern this strand at their worst step; can be repeated",
     )
     group.add_argument(
         "--frames",
@@ -100,16 +103,15 @@ def run(arguments: argparse.Namespace) -> Exit:
 def _read(arguments: argparse.Namespace) -> "tuple[list[Alert], Strands, MonitorConfig]":
     """Return the alerts, drawn anew where another threshold is asked for, the strands, and the configuration."""
     from mdtopo.rethresholding import needed_columns, rethresholded
-    from mdtopo.store import read_results
+    from mdtopo.store import read_so_far
 
     given = {knob: getattr(arguments, knob) for knob in ("criterion", "near_limit") if hasattr(arguments, knob)}
     try:
         MonitorConfig.from_mapping(given)
     except OptionError as error:
         arguments.parser.error(str(error))
-    results = read_results(arguments.results, columns=())
-    if not results.complete:
-        say(f"{arguments.results} is not complete: these are the alerts of the steps that it holds.")
+    results = read_so_far(arguments.results, columns=())
+    say_if_unfinished(arguments.results, results)
     stored = MonitorConfig.from_mapping(results.config)
     config = replace(stored, **given)
     if not given:
@@ -120,7 +122,12 @@ def _read(arguments: argparse.Namespace) -> "tuple[list[Alert], Strands, Monitor
             f"the stored limit {stored.near_limit:g} is for the criterion {stored.criterion}; pass --near-limit, "
             f"which is {units} for {config.criterion}"
         )
-    results = read_results(arguments.results, columns=needed_columns(config))
+    if config.criterion == "pair" and given.get("near_limit", 0.0) > 1.0:
+        arguments.parser.error(
+            f"a pair ratio of 1 is the limit itself, so --near-limit {given['near_limit']:g} would leave out steps at "
+            "the limit; give at most 1, or --criterion clearance with a length in Å"
+        )
+    results = read_so_far(arguments.results, columns=needed_columns(config))
     return rethresholded(results, config), results.strands, config
 
 

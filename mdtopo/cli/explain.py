@@ -4,12 +4,12 @@ import argparse
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mdtopo.cli.alertformats import printable
-from mdtopo.cli.exits import EXIT_HELP, Exit
+from mdtopo.cli.exits import Exit
 from mdtopo.cli.options import VERBOSE, add_options, whole_number
+from mdtopo.cli.resultsfile import add_results_command, say_if_unfinished
 
 if TYPE_CHECKING:
     from mdtopo.explanation import Section
@@ -31,15 +31,14 @@ example:
 
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = commands.add_parser(
+    parser = add_results_command(
+        commands,
         "explain",
-        help="tell the story of one step in plain words",
-        usage="mdtopo explain [options] RESULTS (STEP | --frame N)",
-        description=DESCRIPTION,
-        epilog=EXAMPLE + EXIT_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "tell the story of one step in plain words",
+        "[options] RESULTS (STEP | --frame N)",
+        DESCRIPTION,
+        EXAMPLE,
     )
-    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
     parser.add_argument("step", metavar="STEP", type=whole_number, nargs="?", help="number of the step, counted from 0")
     parser.add_argument(
         "--frame",
@@ -56,10 +55,13 @@ def run(arguments: argparse.Namespace) -> Exit:
     if (arguments.step is None) == (arguments.frame is None):
         arguments.parser.error("name a step, or a frame with --frame, and not both")
     from mdtopo.explanation import explain, step_of_frame
-    from mdtopo.store import read_results
+    from mdtopo.store import read_so_far
 
-    results = read_results(arguments.results)
-    step = arguments.step if arguments.frame is None else step_of_frame(results, arguments.frame)
+    path, step = arguments.results, arguments.step
+    if step is None:
+        step = step_of_frame(read_so_far(path, columns=("frame_t0", "frame_t1")), arguments.frame)
+    results = read_so_far(path, steps=range(step, step + 1))
+    say_if_unfinished(path, results)
     sys.stdout.write("\n".join(_lines(explain(results, step))) + "\n")
     return Exit.DONE
 

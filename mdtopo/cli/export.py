@@ -7,9 +7,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mdtopo.cli.exits import EXIT_HELP, Exit, say
-from mdtopo.cli.exportjob import IsotopyTally, Job
+from mdtopo.cli.exits import Exit, say
+from mdtopo.cli.exportjob import NEEDED, IsotopyTally, Job
 from mdtopo.cli.options import VERBOSE, add_options, frame_slice, whole_number
+from mdtopo.cli.resultsfile import add_inputs, add_results_command, say_if_unfinished
 from mdtopo.errors import InputError, OutputError
 
 if TYPE_CHECKING:
@@ -42,23 +43,15 @@ example:
 
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = commands.add_parser(
+    parser = add_results_command(
+        commands,
         "export",
-        help="write strands, or their smooth curves, as VTKHDF, PDB or XYZ",
-        usage="mdtopo export [options] RESULTS -o FILE [TOPOLOGY TRAJECTORY ...]",
-        description=DESCRIPTION,
-        epilog=EXAMPLE + EXIT_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "write strands, or their smooth curves, as VTKHDF, PDB or XYZ",
+        "[options] RESULTS -o FILE [TOPOLOGY TRAJECTORY ...]",
+        DESCRIPTION,
+        EXAMPLE,
     )
-    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
-    parser.add_argument(
-        "inputs",
-        metavar="INPUT",
-        nargs="*",
-        type=Path,
-        default=[],
-        help="topology and trajectory, where they have moved",
-    )
+    add_inputs(parser)
     parser.add_argument("-o", "--out", metavar="FILE", type=Path, required=True, help="file to write")
     parser.add_argument(
         "--what",
@@ -112,9 +105,10 @@ def run(arguments: argparse.Namespace) -> Exit:
     """Write the file."""
     _refuse_odd_words(arguments)
     from mdtopo.reopening import input_files, open_again
-    from mdtopo.store import read_results
+    from mdtopo.store import read_so_far
 
-    found = read_results(arguments.results)
+    found = read_so_far(arguments.results, columns=NEEDED)
+    say_if_unfinished(arguments.results, found)
     job = Job(found, arguments.step, arguments.between, arguments.frames, arguments.allow_unproved)
     frames = job.frames()
     paths, _ = input_files(arguments.results, found, arguments.inputs)

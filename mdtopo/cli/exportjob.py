@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from mdtopo.smooth import CurveKind
     from mdtopo.store import Results
 
+NEEDED = ("frame_t0", "frame_t1", "verdict", "clearance", "clearance_pair")
+"""Step columns that an export needs."""
+
 SHOWN_FRAMES = 5
 """Names of frames in one sentence."""
 

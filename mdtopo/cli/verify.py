@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mdtopo.cli.exits import EXIT_HELP, Exit
+from mdtopo.cli.exits import Exit
 from mdtopo.cli.options import VERBOSE, add_options, given_options, settled, whole_number
+from mdtopo.cli.resultsfile import add_inputs, add_results_command
 
 if TYPE_CHECKING:
     from mdtopo.verification import Sampling, Verification
@@ -37,23 +38,15 @@ SHOWN_DIFFERENCES = 50
 
 def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = commands.add_parser(
+    parser = add_results_command(
+        commands,
         "verify",
-        help="work out a sample of steps again by independent, slow code, and compare",
-        usage="mdtopo verify [options] RESULTS [TOPOLOGY TRAJECTORY ...]",
-        description=DESCRIPTION,
-        epilog=EXAMPLE + EXIT_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        "work out a sample of steps again by independent, slow code, and compare",
+        "[options] RESULTS [TOPOLOGY TRAJECTORY ...]",
+        DESCRIPTION,
+        EXAMPLE,
     )
-    parser.add_argument("results", metavar="RESULTS", type=Path, help="results file of 'mdtopo monitor'")
-    parser.add_argument(
-        "inputs",
-        metavar="INPUT",
-        nargs="*",
-        type=Path,
-        default=[],
-        help="topology and trajectory, where they are not any more where they were",
-    )
+    add_inputs(parser)
     group = parser.add_argument_group("sample")
     group.add_argument(
         "--nearest",

@@ -29,7 +29,7 @@ from mdtopo.records import (
     VertexLabels,
 )
 from mdtopo.store.bondstates import bonds_from_mapping
-from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, SCHEMA, TEXT
+from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, OLDEST_SCHEMA, SCHEMA, TEXT
 from mdtopo.typing import JsonObject
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ class Results:
         does not say.
     in_progress : bool
         Whether these are the finished parts of a run that has not ended.
+    stored : range
+        The steps that the file holds, of which some alone may have been read.
     """
 
     schema: int
@@ -87,6 +89,7 @@ class Results:
     broken: tuple[BrokenEdge, ...]
     bonds: tuple[BondState, BondState] | None = None
     in_progress: bool = False
+    stored: range = range(0)
 
     @property
     def n_steps(self) -> int:
@@ -119,7 +122,9 @@ class Results:
         return html_table("mdtopo results", rows)
 
 
-def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | None = None) -> Results:
+def read_results(
+    path: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+) -> Results:
     """Return the contents of a results file. The file is not locked, which shared file systems often cannot.
 
     Parameters
@@ -128,6 +133,8 @@ def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | Non
         The file.
     columns : collection of str, optional
         Names of the step columns to read; all by default. Every row of them is held in memory.
+    steps : range, optional
+        The consecutive steps whose rows are read; all by default, and of these those that the file holds.
 
     Raises
     ------
@@ -138,7 +145,7 @@ def read_results(path: str | os.PathLike[str], *, columns: Collection[str] | Non
     """
     path = Path(path)
     with opened_results(path) as file:
-        return _contents(path, file, columns)
+        return _contents(path, file, columns, steps)
 
 
 @contextmanager
@@ -179,10 +186,17 @@ def _check_schema(path: Path, file: h5py.File) -> None:
         raise InputError(f"{path} is an HDF5 file, but not a results file of mdtopo.")
     if found > SCHEMA:
         raise InputError(f"{path} has schema {found}, and this mdtopo reads up to {SCHEMA}; use a newer mdtopo.")
+    if found < OLDEST_SCHEMA:
+        raise InputError(
+            f"{path} has schema {found}, and this mdtopo reads from {OLDEST_SCHEMA} on; run 'mdtopo monitor' again."
+        )
 
 
-def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> Results:
+def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, steps: range | None) -> Results:
     strands = stored_strands(file["strands"])
+    first = int(file["steps"].attrs["first_step"])
+    stored = range(first, first + len(file["steps/frame_t0"]))
+    read = stored if steps is None else _common(stored, steps)
     return Results(
         schema=int(file.attrs["schema"]),
         complete=bool(file.attrs["complete"]),
@@ -190,23 +204,30 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None) -> R
         request=json.loads(file.attrs.get("request", "{}")),
         provenance=json.loads(file.attrs["provenance"]),
         summary=json.loads(file.attrs.get("summary", "{}")),
-        first_step=int(file["steps"].attrs["first_step"]),
-        steps=_steps(path, file["steps"], columns),
+        first_step=read.start,
+        steps=_steps(path, file["steps"], columns, slice(read.start - first, read.stop - first)),
         crossings=_crossings(file.get("crossings"), strands),
         alerts=_alerts(file["alerts"]),
         strands=strands,
         reference=_reference(file["strands"]),
         broken=broken_edges(file["strands"]),
         bonds=_bonds(file["strands"], len(strands.edges)),
+        stored=stored,
     )
 
 
-def _steps(path: Path, group: h5py.Group, columns: Collection[str] | None) -> dict[str, NDArray[Any]]:
+def _common(stored: range, wanted: range) -> range:
+    """Return the steps of both; where there are none, an empty range within those that are stored."""
+    start = min(max(stored.start, wanted.start), stored.stop)
+    return range(start, max(start, min(stored.stop, wanted.stop)))
+
+
+def _steps(path: Path, group: h5py.Group, columns: Collection[str] | None, rows: slice) -> dict[str, NDArray[Any]]:
     wanted = list(group) if columns is None else list(columns)
     for name in wanted:
         if name not in group:
             raise InputError(f"{path} has no step column {name!r}; it has {', '.join(group)}.")
-    return {name: plain_values(group[name]) for name in wanted}
+    return {name: plain_values(group[name], rows) for name in wanted}
 
 
 def plain_values(dataset: h5py.Dataset, rows: slice = slice(None)) -> NDArray[Any]:

@@ -13,8 +13,17 @@ from mdtopo.store.parts import folder_of
 from mdtopo.store.reader import Results, read_results
 
 
-def read_so_far(out: str | os.PathLike[str]) -> Results:
+def read_so_far(
+    out: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+) -> Results:
     """Return what a results file holds, or, where the run has not ended and there is none, its finished parts.
+
+    Parameters
+    ----------
+    out : path
+        The output.
+    columns, steps : collection of str, range, optional
+        As for `read_results`.
 
     Raises
     ------
@@ -24,26 +33,28 @@ def read_so_far(out: str | os.PathLike[str]) -> Results:
         As `read_results` and `read_running`.
     """
     try:
-        return read_results(out)
+        return read_results(out, columns=columns, steps=steps)
     except MissingFileError:
         if not folder_of(Path(out)).is_dir():
             raise
     try:
-        return read_running(out)
+        return read_running(out, columns=columns, steps=steps)
     except InputError:
         if not Path(out).exists():
             raise
-    return read_results(out)  # the run has ended meanwhile, and its parts are gone
+    return read_results(out, columns=columns, steps=steps)  # the run has ended meanwhile, and its parts are gone
 
 
-def read_running(out: str | os.PathLike[str], *, columns: Collection[str] | None = None) -> Results:
+def read_running(
+    out: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+) -> Results:
     """Return what the finished parts of an unfinished output hold, marked as `in_progress`.
 
     Parameters
     ----------
     out : path
         The output, as it was named to the run that writes it, or wrote it until it was stopped.
-    columns : collection of str, optional
+    columns, steps : collection of str, range, optional
         As for `read_results`.
 
     Raises
@@ -54,21 +65,24 @@ def read_running(out: str | os.PathLike[str], *, columns: Collection[str] | None
     paths = sorted(folder_of(Path(out)).glob("part-*.h5"))
     if not paths:
         raise InputError(f"{out} has no finished part yet; wait for the run, or start it.")
-    parts = [read_results(path, columns=columns) for path in paths]
+    parts = [read_results(path, columns=columns, steps=steps) for path in paths]
     step = 0
     for path, part in zip(paths, parts, strict=True):
-        if part.steps and part.first_step != step:  # rows would be taken for other steps
-            raise InputError(f"{path} begins with step {part.first_step} where step {step} belongs; a part is missing.")
-        step += part.n_steps
+        if part.stored.start != step:  # rows would be taken for other steps
+            begins = f"{path} begins with step {part.stored.start}"
+            raise InputError(f"{begins} where step {step} belongs; a part is missing.")
+        step = part.stored.stop
     first, last = parts[0], parts[-1]
     bonds = None if first.bonds is None or last.bonds is None else (first.bonds[0], last.bonds[1])
     return replace(
         first,
         complete=False,
+        first_step=next((part.first_step for part in parts if part.n_steps), first.first_step),
         steps={name: np.concatenate([part.steps[name] for part in parts]) for name in first.steps},
         crossings=Crossings.joined([part.crossings for part in parts]),
         alerts=tuple(alert for part in parts for alert in part.alerts),
         broken=tuple(edge for k, part in enumerate(parts) for edge in part.broken if k == 0 or edge.step >= 0),
         bonds=bonds,
         in_progress=True,
+        stored=range(step),
     )

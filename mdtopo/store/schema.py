@@ -27,6 +27,9 @@ from mdtopo.records import Column, Grade, Shape
 SCHEMA = 1
 """Rises when a program that reads the file would have to change."""
 
+OLDEST_SCHEMA = 1
+"""The first one that is still read; what is added within a schema is absent in files that were written before."""
+
 CHUNK_ROWS = 4096
 """Rows of a chunk, and rows that the writer holds back until it writes them."""
 

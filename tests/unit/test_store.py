@@ -42,9 +42,10 @@ from mdtopo.store import (
     fingerprint,
     guard,
     read_results,
+    read_so_far,
     writer,
 )
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, OLDEST_SCHEMA, column_dtype
 
 ROOT = Path(__file__).parents[2]
 CONFIG = MonitorConfig(motion="lab", near_limit=0.7)
@@ -328,6 +329,36 @@ def test_chosen_columns_alone_are_read(tmp_path):
         read_results(path, columns=["clearnce"])
 
 
+@pytest.mark.parametrize(
+    ("wanted", "read"),
+    [(range(7, 9), range(7, 9)), (range(6), range(5, 6)), (range(11, 99), range(11, 12)), (range(99), range(5, 12)),
+     (range(3), range(5, 5)), (range(20, 21), range(12, 12)), (range(8, 8), range(8, 8))],
+)  # fmt: skip
+def test_chosen_steps_alone_are_read(tmp_path, wanted, read):
+    table = step_table(7, first_step=5)
+    found = read_results(write(tmp_path / "run.h5", table), steps=wanted)
+    assert (found.first_step, found.n_steps, found.stored) == (read.start, len(read), range(5, 12))
+    for column in StepTable.columns():
+        expected = getattr(table, column.name)[read.start - 5 : read.stop - 5]
+        assert np.array_equal(found.steps[column.name], expected, equal_nan=column.enum is None), column.name
+
+
+def test_chosen_steps_are_read_from_finished_parts(tmp_path):
+    folder = tmp_path / "run.h5.parts"
+    folder.mkdir()
+    tables = [step_table(4), step_table(3, first_step=4), step_table(2, first_step=7)]
+    for table in tables:
+        write(folder / f"part-{table.first_step:010d}.h5", table)
+    whole = read_so_far(tmp_path / "run.h5")
+    assert (whole.first_step, whole.n_steps, whole.stored, whole.in_progress) == (0, 9, range(9), True)
+    for wanted in (range(5, 6), range(3, 8), range(8, 20)):
+        found = read_so_far(tmp_path / "run.h5", columns=["clearance"], steps=wanted)
+        rows = slice(wanted.start, min(wanted.stop, 9))
+        assert (found.first_step, found.stored, set(found.steps)) == (wanted.start, range(9), {"clearance"})
+        np.testing.assert_array_equal(found.steps["clearance"], whole.steps["clearance"][rows])
+    assert read_so_far(tmp_path / "run.h5", steps=range(50, 51)).n_steps == 0
+
+
 @settings(max_examples=25)  # each one is a file
 @given(st.lists(st.integers(0, 30), max_size=8))
 def test_blocks_of_any_size_give_the_same_rows(tmp_path_factory, sizes):
@@ -609,6 +640,14 @@ def test_a_newer_schema_is_refused_with_both_numbers(tmp_path):
     with h5py.File(path, "r+") as file:
         file.attrs["schema"] = SCHEMA + 1
     with pytest.raises(InputError, match=r"has schema 2, and this mdtopo reads up to 1; use a newer mdtopo"):
+        read_results(path)
+
+
+def test_an_older_schema_is_refused_with_both_numbers(tmp_path):
+    path = write(tmp_path / "run.h5", step_table(1))
+    with h5py.File(path, "r+") as file:
+        file.attrs["schema"] = OLDEST_SCHEMA - 1
+    with pytest.raises(InputError, match=r"has schema 0, and this mdtopo reads from 1 on; run 'mdtopo monitor' again"):
         read_results(path)
 
 

@@ -62,7 +62,7 @@ def test_a_frame_range_keeps_alerts_that_meet_it(cli: Callable, results: Path, f
 
 
 def test_another_limit_draws_the_near_limit_alerts_anew(cli: Callable, npz: Callable, results: Path) -> None:
-    assert lines(cli("alerts", results, "--kind", "near-limit", "--near-limit", "1.5").out) == []
+    assert lines(cli("alerts", results, "--kind", "near-limit", "--near-limit", "1.0").out) == []
     drawn = cli("alerts", results, "--criterion", "clearance", "--near-limit", 0.98, "--kind", "near-limit").out
     near = lines(drawn)[0]
     assert near["limit"] == 0.98
@@ -71,6 +71,17 @@ def test_another_limit_draws_the_near_limit_alerts_anew(cli: Callable, npz: Call
     words = ["--criterion", "clearance", "--near-limit", "0.98"]
     assert cli("monitor", results.with_name("tiny.npz"), "-o", again, *words, "-q").code == Exit.DONE
     assert cli("alerts", results, *words).out == cli("alerts", again).out
+
+
+@pytest.mark.parametrize(
+    "words", [["--near-limit", "3"], ["--criterion", "pair", "--near-limit", "1.01"]], ids=" ".join
+)
+def test_a_pair_ratio_beyond_the_limit_is_not_near_it(cli: Callable, results: Path, words: list[str]) -> None:
+    outcome = cli("alerts", results, "--strand", "strand 0", *words)
+    assert (outcome.code, outcome.out) == (Exit.USAGE, "")
+    assert f"so --near-limit {words[-1]} would leave out steps at the limit; give at most 1, or" in outcome.err
+    assert cli("alerts", results, "--near-limit", "1").code == Exit.DONE
+    assert cli("alerts", results, "--near-limit", "3", "--criterion", "clearance").code == Exit.DONE
 
 
 def test_csv_has_the_fields_of_the_json_lines(cli: Callable, results: Path) -> None:
@@ -135,4 +146,4 @@ def test_results_that_are_not_complete_are_called_so(cli: Callable, results: Pat
         file.attrs["complete"] = False
     outcome = cli("alerts", results)
     assert (outcome.code, outcome.out) == (Exit.DONE, whole)
-    assert outcome.err == f"mdtopo: {results} is not complete: these are the alerts of the steps that it holds.\n"
+    assert outcome.err == f"mdtopo: {results} is not complete: this is about the 11 steps that it holds.\n"
