@@ -1,8 +1,8 @@
 """The certificate of a moving smooth curve over all of its segments in one step.
 
 Every segment is asked whether it meets itself (S1), every joint whether its two segments meet elsewhere (S2), and every
-pair of segments that share no point whether they meet (S3). Nearly all pairs are settled by the chord: a segment stays
-within r of its chord, r the greatest distance of a control point from the matching chord point at either end.
+pair of segments that share no point whether they meet (S3). Chords settle nearly all of that (`geometry.segmentpairs`);
+what they leave is listed and settled by hulls, and by halving (`geometry.subdivision`).
 """
 
 from typing import NamedTuple
@@ -11,23 +11,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.geometry.broadphase import candidate_pairs
-from mdtopo.geometry.distances import LEAST_SQUARE, UNIT_ROUNDOFF
+from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.hull import hull_distance
 from mdtopo.geometry.lattice import basis_of, lattice_vector
-from mdtopo.geometry.subdivision import JOINT, PAIR, SELF, climb, settle, vectors_of
-from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
+from mdtopo.geometry.segmenthulls import PAIR
+from mdtopo.geometry.segmentpairs import Shapes, lone_checks, pair_checks, separation_along, shapes_of
+from mdtopo.geometry.subdivision import MOST_BOXES, Answer, settle
+from mdtopo.geometry.vectors import Vector, add, dot, norm, row, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-BALL, TWO_FRAME_BALL, BROAD_PHASE, OPEN = (
-    int(Rung.BALL),
-    int(Rung.TWO_FRAME_BALL),
-    int(Rung.BROAD_PHASE),
-    int(Rung.OPEN),
-)
+BROAD_PHASE, OPEN = int(Rung.BROAD_PHASE), int(Rung.OPEN)
 
 MOST_FOUND = 4096
 """Passages of one step that are listed; beyond, the step stays open."""
@@ -80,19 +76,6 @@ class CurveMeasure(NamedTuple):
     countable: bool
 
 
-class Tally(NamedTuple):
-    """What is being collected, in place: `numbers` clearance; `counts` rung, depth, open, found, pair, first open."""
-
-    numbers: FloatArray
-    counts: IntArray
-    place: FloatArray
-    found: FloatArray
-
-
-CLEARANCE, LEAST_START = 0, 1
-RUNG, DEPTH, N_OPEN, N_FOUND, FIRST, SECOND = 0, 1, 2, 3, 4, 5
-
-
 @njit(cache=True, nogil=True)
 def measure_curve(
     c0: FloatArray,
@@ -123,36 +106,63 @@ def measure_curve(
     that are found; each of these is one.
     """
     greatest = greatest_of(c0, c1, cell0, cell1, periodic)
-    found = np.empty((0, FOUND_WIDTH))
-    t = Tally(
-        np.full(2, np.inf), np.full(6, -1, dtype=np.int64), np.full(6, np.nan), np.empty((MOST_FOUND, FOUND_WIDTH))
-    )
-    t.counts[RUNG], t.counts[DEPTH], t.counts[N_OPEN], t.counts[N_FOUND] = BROAD_PHASE, 0, 0, 0
-    margins = hodograph_margins(c0, c1, slack)
-    check_segments(c0, c1, following, slack, greatest, t)
-    countable = check_pairs(c0, c1, following, cell0, cell1, periodic, slack, greatest, t)
-    found = t.found[: t.counts[N_FOUND]].copy()
-    rung = t.counts[RUNG]
-    if t.counts[N_OPEN] > 0 or not countable:
-        rung = OPEN
-    clearance = t.numbers[CLEARANCE] if countable else 0.0
-    if t.counts[N_OPEN] > 0 or len(found) > 0:
-        clearance = 0.0
+    rounding = slack + 64.0 * UNIT_ROUNDOFF * greatest + 1e-140
+    shapes = shapes_of(c0, c1)
+    tally = fresh_tally(mean_chord(shapes) if len(c0) > 1 or periodic else np.inf)
+    checks, is_complete = lone_checks(c0, c1, following, greatest, slack), True
+    for late in range(2):
+        if late:
+            # nothing further away than what is known by now can count
+            reach = min(tally.numbers[CLEARANCE], mean_chord(shapes))
+            checks, is_complete = pair_checks(shapes, following, cell0, cell1, periodic, reach, rounding)
+        settle_checks(checks, c0, c1, shapes, cell0, cell1, slack, rounding, greatest, tally)
+    n_found, n_open = tally.counts[N_FOUND], tally.counts[N_OPEN]
+    d_star, segment, ratio, margin, printed = hodograph_margins(c0, c1, slack)
     return CurveMeasure(
-        margins[0],
-        int(margins[1]),
-        margins[2],
-        margins[3],
-        margins[4],
-        clearance,
-        rung,
-        t.counts[DEPTH],
-        t.counts[FIRST:].copy(),
-        t.counts[N_OPEN],
-        t.place,
-        found,
-        countable,
+        d_star,
+        segment,
+        ratio,
+        margin,
+        printed,
+        0.0 if n_open > 0 or n_found > 0 or not is_complete else tally.numbers[CLEARANCE],
+        OPEN if n_open > 0 or not is_complete else tally.counts[RUNG],
+        tally.counts[DEPTH],
+        tally.counts[FIRST:].copy(),
+        n_open,
+        tally.place,
+        tally.found[:n_found].copy(),
+        is_complete,
     )
+
+
+class Tally(NamedTuple):
+    """What is being collected, in place: `numbers` clearance; `counts` rung, depth, open, found, pair, first open."""
+
+    numbers: FloatArray
+    counts: IntArray
+    place: FloatArray
+    found: FloatArray
+
+
+CLEARANCE = 0
+RUNG, DEPTH, N_OPEN, N_FOUND, FIRST, SECOND = 0, 1, 2, 3, 4, 5
+
+
+@njit(cache=True, nogil=True, inline="always")
+def fresh_tally(clearance: float) -> Tally:
+    """Return a tally of nothing, to be followed up to a clearance, Å."""
+    counts = np.zeros(6, dtype=np.int64)
+    counts[RUNG], counts[FIRST], counts[SECOND] = BROAD_PHASE, -1, -1
+    return Tally(np.full(1, clearance), counts, np.full(6, np.nan), np.empty((MOST_FOUND, FOUND_WIDTH)))
+
+
+@njit(cache=True, nogil=True)
+def mean_chord(shapes: Shapes) -> float:
+    """Return the mean length of the chords at the start, Å."""
+    total, m = 0.0, len(shapes.half0)
+    for k in range(m):
+        total += 2.0 * norm(row(shapes.half0, k)) / m
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -172,7 +182,7 @@ def greatest_of(c0: FloatArray, c1: FloatArray, cell0: FloatArray, cell1: FloatA
 
 
 @njit(cache=True, nogil=True)
-def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[float, float, float, float, float]:
+def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[float, int, float, float, float]:
     """Return least d* with its segment, greatest sound ratio, least margin and greatest printed ratio.
 
     A segment is measured in full only where a cheap bound of its d* does not show that it changes none of them.
@@ -206,206 +216,81 @@ def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[flo
         margin = min(margin, exact - turned)
         ratio = max(ratio, turned / exact if exact > 0.0 else (np.inf if turned > 0.0 else 0.0))
         printed = max(printed, moved / exact if exact > 0.0 else (np.inf if moved > 0.0 else 0.0))
-    return d_star, float(segment), ratio, margin, printed
+    return d_star, segment, ratio, margin, printed
 
 
-@njit(cache=True, nogil=True)
-def check_segments(
-    c0: FloatArray, c1: FloatArray, following: IntArray, slack: float, greatest: float, t: Tally
-) -> None:
-    """Check every segment against itself, and every joint (S1 and S2)."""
-    m, n = c0.shape[0], c0.shape[1] - 1
-    v = np.empty((2 * (n + 1) * (n + 1), 3))
-    for k in range(m):
-        chord = add(subtract(row(c0[k], n), row(c0[k], 0)), subtract(row(c1[k], n), row(c1[k], 0)))
-        if not hodograph_points_along(c0[k], c1[k], chord, slack):
-            settle_or_open(SELF, k, k, (0, 0, 0), c0[k], c1[k], c0[k], c1[k], slack, greatest, v, t)
-        after = following[k]
-        if after >= 0:
-            other = add(subtract(row(c0[after], n), row(c0[after], 0)), subtract(row(c1[after], n), row(c1[after], 0)))
-            if not joint_points_along(c0[k], c1[k], c0[after], c1[after], add(chord, other), slack):
-                settle_or_open(JOINT, k, after, (0, 0, 0), c0[k], c1[k], c0[after], c1[after], slack, greatest, v, t)
-
-
-@njit(cache=True, nogil=True)
-def proves(least: float, w: Vector, longest: float, slack: float) -> bool:
-    """Return whether min w·v = `least` keeps the origin out, the v being off by 2·slack and by their rounding."""
-    size = norm(w)
-    return least > size * (2.0 * slack + 16.0 * UNIT_ROUNDOFF * longest) + LEAST_SQUARE
-
-
-@njit(cache=True, nogil=True)
-def hodograph_points_along(p0: FloatArray, p1: FloatArray, w: Vector, slack: float) -> bool:
-    """Return whether all differences at both ends point along w: then the segment never meets itself."""
-    least, longest = np.inf, 0.0
-    for points in (p0, p1):
-        for i in range(len(points) - 1):
-            q = subtract(row(points, i + 1), row(points, i))
-            least, longest = min(least, dot(w, q)), max(longest, dot(q, q))
-    return proves(least, w, np.sqrt(longest), slack)
-
-
-@njit(cache=True, nogil=True)
-def joint_points_along(a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray, w: Vector, slack: float) -> bool:
-    """Return whether two segments stay on either side of their joint along w, at both ends."""
-    least, longest, n = np.inf, 0.0, len(a0) - 1
-    for end in range(2):
-        a, b = (a0, b0) if end == 0 else (a1, b1)
-        joint = row(a, n)
-        for i in range(n):
-            q = subtract(joint, row(a, i))
-            least, longest = min(least, dot(w, q)), max(longest, dot(q, q))
-            q = subtract(row(b, i + 1), joint)
-            least, longest = min(least, dot(w, q)), max(longest, dot(q, q))
-    return proves(least, w, np.sqrt(longest), slack)
-
-
-@njit(cache=True, nogil=True)
-def settle_or_open(
-    kind: int,
-    i: int,
-    j: int,
-    image: tuple[int, int, int],
-    a0: FloatArray,
-    a1: FloatArray,
-    b0: FloatArray,
-    b1: FloatArray,
-    slack: float,
-    greatest: float,
-    v: FloatArray,
-    t: Tally,
-) -> float:
-    """Settle one check by hulls, or by halving, note what comes of it, and return its clearance."""
-    count = vectors_of(kind, a0, b0, v)
-    vectors_of(kind, a1, b1, v[count:])
-    clearance, rung, _, _, rho = climb(v, count, 2.0 * slack)
-    if clearance > 0.0:
-        t.counts[RUNG] = max(t.counts[RUNG], rung)
-        return clearance
-    if t.counts[N_OPEN] >= MOST_OPEN:
-        t.counts[N_OPEN] += 1
-        return 0.0
-    answer = settle(kind, a0, a1, b0, b1, slack, greatest)
-    t.counts[DEPTH] = max(t.counts[DEPTH], answer.depth)
-    is_open = answer.rung == OPEN
-    for k in range(len(answer.meetings)):
-        if t.counts[N_FOUND] == MOST_FOUND:
-            is_open = True
-            break
-        out = t.found[t.counts[N_FOUND]]
-        out[0], out[1] = i, j
-        out[2], out[3], out[4] = image
-        out[5], out[6], out[7] = answer.meetings[k, 0], answer.meetings[k, 1], answer.meetings[k, 2]
-        out[8], out[9] = answer.meetings[k, 4], rho
-        n = len(a0) - 1
-        length = min(norm(subtract(row(a0, n), row(a0, 0))), norm(subtract(row(a1, n), row(a1, 0))))
-        other = min(norm(subtract(row(b0, n), row(b0, 0))), norm(subtract(row(b1, n), row(b1, 0))))
-        out[10] = min(length, other)
-        t.counts[N_FOUND] += 1
-    if is_open:
-        if t.counts[N_OPEN] == 0:
-            t.counts[FIRST], t.counts[SECOND] = i, j
-            t.place[:] = answer.box
-        t.counts[N_OPEN] += 1
-        return 0.0
-    t.counts[RUNG] = max(t.counts[RUNG], answer.rung)
-    return answer.clearance
-
-
-@njit(cache=True, nogil=True)
-def check_pairs(
+@njit(cache=True, nogil=True, inline="always")
+def settle_checks(
+    checks: IntArray,
     c0: FloatArray,
     c1: FloatArray,
-    following: IntArray,
+    shapes: Shapes,
     cell0: FloatArray,
     cell1: FloatArray,
-    periodic: bool,
     slack: float,
+    rounding: float,
     greatest: float,
-    t: Tally,
-) -> bool:
-    """Check all pairs of segments that share no point (S3), and return whether images could be counted."""
-    m, n = c0.shape[0], c0.shape[1] - 1
-    mid0, mid1, half0, half1 = np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3)), np.empty((m, 3))
-    radii, away = np.empty(m), np.empty(m)
-    reach = 0.0
-    for k in range(m):
-        reach += norm(subtract(row(c0[k], n), row(c0[k], 0))) / m
-        away[k] = 0.0
-        radii[k] = 0.0
-        for end in range(2):
-            points = c0[k] if end == 0 else c1[k]
-            mid, half = (mid0, half0) if end == 0 else (mid1, half1)
-            p, q = row(points, 0), row(points, n)
-            centre, span = scale(0.5, add(p, q)), scale(0.5, subtract(q, p))
-            mid[k, 0], mid[k, 1], mid[k, 2] = centre
-            half[k, 0], half[k, 1], half[k, 2] = span
-            for i in range(n + 1):
-                d = subtract(row(points, i), centre)
-                radii[k] = max(radii[k], dot(d, d))
-                d = subtract(d, scale(2.0 * i / n - 1.0, span))
-                away[k] = max(away[k], dot(d, d))
-        radii[k], away[k] = np.sqrt(radii[k]), np.sqrt(away[k])
-    rounding = slack + 64.0 * UNIT_ROUNDOFF * greatest + 1e-140
-    padded = radii + (0.5 * reach + rounding)
-    pairs, images, countable = candidate_pairs(mid0, mid1, padded, cell0, cell1, periodic)
-    t.numbers[CLEARANCE] = reach if m > 1 else np.inf
-    if not countable:
-        return False
-    basis0, basis1 = basis_of(cell0), basis_of(cell1)
-    image = (0, 0, 0)
-    shift0, shift1 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    v = np.empty((2 * (n + 1) * (n + 1), 3))
-    b0, b1 = np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    for k in range(len(pairs)):
-        i, j = pairs[k, 0], pairs[k, 1]
-        if len(images) > 0:
-            image = (images[k, 0], images[k, 1], images[k, 2])
-        if image == (0, 0, 0):
-            if i == j or following[i] == j or following[j] == i:
+    tally: Tally,
+) -> None:
+    """Settle a list of checks, pairs only as far as they may lower the clearance, and note what comes of them."""
+    basis0, basis1, width = basis_of(cell0), basis_of(cell1), c0.shape[1]
+    b0, b1 = np.empty((width, 3)), np.empty((width, 3))
+    for k in range(len(checks)):
+        kind, i, j = checks[k, 0], checks[k, 1], checks[k, 2]
+        image = (checks[k, 3], checks[k, 4], checks[k, 5])
+        shift0, shift1, low, error = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, slack
+        if kind == PAIR:
+            error = rounding
+            if image != (0, 0, 0):
+                shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+            across = add(subtract(row(shapes.mid0, j), row(shapes.mid0, i)), shift0)
+            across = add(across, add(subtract(row(shapes.mid1, j), row(shapes.mid1, i)), shift1))
+            low = separation_along(c0, c1, i, j, shift0, shift1, across, rounding)
+            if low > tally.numbers[CLEARANCE]:
                 continue
-            shift0 = shift1 = (0.0, 0.0, 0.0)
-        else:
-            shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
-        centre0 = add(subtract(row(mid0, j), row(mid0, i)), shift0)
-        centre1 = add(subtract(row(mid1, j), row(mid1, i)), shift1)
-        w = add(centre0, centre1)
-        length = norm(w)
-        start = dot(w, centre0) - abs(dot(w, row(half0, i))) - abs(dot(w, row(half0, j)))
-        finish = dot(w, centre1) - abs(dot(w, row(half1, i))) - abs(dot(w, row(half1, j)))
-        # of the slabs that hold the chords, less how far the segments may stray from these
-        need = away[i] + away[j] + 4.0 * rounding
-        if min(start, finish) > length * (need + t.numbers[CLEARANCE]) * (1.0 + 1e-12) and length > 1e-100:
-            continue
-        for c in range(n + 1):
-            b0[c, 0], b0[c, 1], b0[c, 2] = add(row(c0[j], c), shift0)
-            b1[c, 0], b1[c, 1], b1[c, 2] = add(row(c1[j], c), shift1)
-        clearance = separation_along(c0[i], c1[i], b0, b1, w, rounding)
-        if clearance > t.numbers[CLEARANCE]:
-            continue
-        sharper = settle_or_open(PAIR, i, j, image, c0[i], c1[i], b0, b1, rounding, greatest, v, t)
-        clearance = max(clearance, sharper)
-        if clearance < t.numbers[CLEARANCE]:
-            t.numbers[CLEARANCE] = clearance
-            if t.counts[N_OPEN] == 0:
-                t.counts[FIRST], t.counts[SECOND] = i, j
+        _place(c0, j, shift0, b0)
+        _place(c1, j, shift1, b1)
+        most_boxes = MOST_BOXES if tally.counts[N_OPEN] < MOST_OPEN else 1
+        answer = settle(kind, c0[i], c1[i], b0, b1, error, greatest, most_boxes)
+        is_open = _note(answer, i, j, image, shapes, tally)
+        clearance = 0.0 if is_open else max(low, answer.clearance)
+        if kind == PAIR and clearance < tally.numbers[CLEARANCE]:
+            tally.numbers[CLEARANCE] = clearance
+            if tally.counts[N_OPEN] == 0:
+                tally.counts[FIRST], tally.counts[SECOND] = i, j
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _place(c: FloatArray, k: int, shift: Vector, out: FloatArray) -> None:
+    """Write the control points of an image of a segment."""
+    for i in range(c.shape[1]):
+        for axis in range(3):
+            out[i, axis] = c[k, i, axis] + shift[axis]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _note(answer: Answer, i: int, j: int, image: tuple[int, int, int], shapes: Shapes, tally: Tally) -> bool:
+    """Take an answer into the tally, and return whether the check stays open."""
+    counts = tally.counts
+    counts[DEPTH] = max(counts[DEPTH], answer.depth)
+    is_open = answer.rung == OPEN
+    length = min(norm(row(shapes.half0, i)), norm(row(shapes.half1, i)))
+    length = 2.0 * min(length, min(norm(row(shapes.half0, j)), norm(row(shapes.half1, j))))
+    for k in range(len(answer.meetings)):
+        if counts[N_FOUND] == MOST_FOUND:
+            is_open = True
+            break
+        out = tally.found[counts[N_FOUND]]
+        out[0], out[1], out[2], out[3], out[4] = i, j, image[0], image[1], image[2]
+        out[5], out[6], out[7] = answer.meetings[k, 0], answer.meetings[k, 1], answer.meetings[k, 2]
+        out[8], out[9], out[10] = answer.meetings[k, 4], answer.motion, length
+        counts[N_FOUND] += 1
+    if not is_open:
+        counts[RUNG] = max(counts[RUNG], answer.rung)
+        return False
+    if counts[N_OPEN] == 0:
+        counts[FIRST], counts[SECOND] = i, j
+        for k in range(6):
+            tally.place[k] = answer.box[k]
+    counts[N_OPEN] += 1
     return True
-
-
-@njit(cache=True, nogil=True)
-def separation_along(
-    a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray, w: Vector, rounding: float
-) -> float:
-    """Return how far two segments stay apart along w, a proven lower bound of their distance, Å; else 0 or less."""
-    size = norm(w)
-    if not size > 1e-100:
-        return 0.0
-    best = np.inf
-    for end in range(2):
-        a, b = (a0, b0) if end == 0 else (a1, b1)
-        low, high = np.inf, -np.inf
-        for i in range(len(a)):
-            high = max(high, dot(w, row(a, i)))
-            low = min(low, dot(w, row(b, i)))
-        best = min(best, low - high)
-    return best / size - 4.0 * rounding

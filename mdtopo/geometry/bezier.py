@@ -37,11 +37,12 @@ def halve(points: FloatArray, left: FloatArray, right: FloatArray) -> None:
     Each average is rounded once, so a point of either half is off by at most n·u times the greatest coordinate.
     """
     n = len(points) - 1
-    right[:] = points
-    for k in range(n + 1):
-        left[k] = right[0]
-        for i in range(n - k):
-            for axis in range(points.shape[1]):
+    for axis in range(points.shape[1]):
+        for i in range(n + 1):
+            right[i, axis] = points[i, axis]
+        for k in range(n + 1):
+            left[k, axis] = right[0, axis]
+            for i in range(n - k):
                 right[i, axis] = 0.5 * (right[i, axis] + right[i + 1, axis])
 
 

@@ -144,7 +144,7 @@ def locate(
     return _largest_cube(a0, a1, b0, b1, (t, u, v), room, slack, greatest)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _largest_cube(
     a0: FloatArray,
     a1: FloatArray,

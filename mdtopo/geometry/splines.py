@@ -155,7 +155,8 @@ def _write_segments(x: FloatArray, slopes: FloatArray, n: int, n_edges: int, kin
                     joint = 0.5 * (out[before, 2, axis] + out[k, 1, axis])
                     out[before, 3, axis] = out[k, 0, axis] = joint
         if not closed:
-            out[0, 0], out[n_edges - 1, 3] = x[0], x[n - 1]
+            for axis in range(3):
+                out[0, 0, axis], out[n_edges - 1, 3, axis] = x[0, axis], x[n - 1, axis]
 
 
 @cache
