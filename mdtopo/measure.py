@@ -1,6 +1,7 @@
 """From blocks of frames to step tables: the ladder over every step, and what follows from it."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,11 +10,13 @@ from mdtopo.blocks import OPEN, Columns, covariances, empty_columns, measure_ste
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
 from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
+from mdtopo.profiles import part_profile
 from mdtopo.records import (
     Crossings,
     FrameBlock,
     MonitorConfig,
     PairClass,
+    Profile,
     Reason,
     Scope,
     StepTable,
@@ -22,7 +25,7 @@ from mdtopo.records import (
     Verdict,
 )
 from mdtopo.spheres import PLACING_ERROR
-from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, Ratios
+from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, PointSeries, Ratios
 
 IDENTITY = np.eye(3)
 
@@ -69,35 +72,43 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     columns = empty_columns(plan.block.n_steps)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
     reasons = np.full(len(bad), NONE, dtype=np.int8)
-    crossings = [
-        table
-        for part in plan.parts
-        for table in _measure_part(plan, part, ~bad[part.steps], strands, config, columns, reasons)
-    ]
-    return _table(plan, columns, bad, reasons, Crossings.joined(crossings), strands, config)
+    crossings: list[Crossings] = []
+    profiles: list[Profile] = []
+    for part in plan.parts:
+        measurable, rows = ~bad[part.steps], columns.part(part.steps)
+        rotations = _rotations(plan, part, measurable, config)
+        crossings += _measure_part(plan, part, measurable, rotations, strands, config, rows, reasons)
+        profiles.append(part_profile(plan, part, rows, _least_clearance(rows)[0], rotations, config))
+    table = _table(plan, columns, bad, reasons, Crossings.joined(crossings), strands, config)
+    return replace(table, profile=Profile.joined(profiles))
+
+
+def _rotations(plan: BlockPlan, part: Stretch, measurable: Flags, config: MonitorConfig) -> PointSeries:
+    """Return what is taken out of each step of a part, shape (k, 3, 3)."""
+    t = part.traces
+    if config.motion == "rigid":
+        # about each strand's own centre where the image of a strand is arbitrary, else about the common one
+        periodic = plan.block.cells is not None
+        groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
+        return best_rotations(*covariances(part.frames.positions, measurable, t.vertices, groups))
+    rotations = np.empty((len(measurable), 3, 3))
+    rotations[:] = IDENTITY
+    return rotations
 
 
 def _measure_part(
     plan: BlockPlan,
     part: Stretch,
     measurable: Flags,
+    rotations: PointSeries,
     strands: Strands,
     config: MonitorConfig,
-    columns: Columns,
+    rows: Columns,
     reasons: Codes,
 ) -> Iterator[Crossings]:
     """Run the kernel over the steps of one part, fill their rows, and yield the crossings of each."""
     t, rigid, periodic = part.traces, config.motion == "rigid", plan.block.cells is not None
-    rows = columns.part(part.steps)
-    if rigid:
-        # about each strand's own centre where the image of a strand is arbitrary, else about the common one
-        groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
-        rotations = best_rotations(*covariances(part.frames.positions, measurable, t.vertices, groups))
-        rows.angle[:] = rotation_angles(rotations)
-    else:
-        rotations = np.empty((len(measurable), 3, 3))
-        rotations[:] = IDENTITY
-        rows.angle[:] = 0.0
+    rows.angle[:] = rotation_angles(rotations) if rigid else 0.0
     starts, found = measure_steps(
         part.frames,
         measurable,

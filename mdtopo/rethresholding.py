@@ -1,6 +1,7 @@
 """Stored results under another near-limit threshold: which alerts a run with that threshold would have raised."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,9 @@ def _tables(results: Results, config: MonitorConfig) -> Iterator[StepTable]:
     for start in range(0, len(results.steps["frame_t0"]), BLOCK_ROWS):
         stored = {name: results.steps[name][start : start + BLOCK_ROWS] for name in names}
         n = len(stored["frame_t0"])
-        columns = {c.name: stored.get(c.name, np.zeros((n, *c.shape), dtype=c.dtype)) for c in StepTable.columns()}
+        columns: dict[str, Any] = {
+            c.name: stored.get(c.name, np.zeros((n, *c.shape), dtype=c.dtype)) for c in StepTable.columns()
+        }
         yield StepTable(
             first_step=results.first_step + start,
             stretches=Stretches.none(),

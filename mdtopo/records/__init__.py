@@ -12,6 +12,7 @@ from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
 from mdtopo.records.curvesteps import CurveCrossing, CurvePlace, CurveReport
 from mdtopo.records.frames import Frame, FrameBlock
 from mdtopo.records.parametric import ParametricCurve
+from mdtopo.records.profile import Profile
 from mdtopo.records.reference import ReferenceLengths
 from mdtopo.records.steps import (
     BrokenEdge,
@@ -52,6 +53,7 @@ __all__ = [
     "Motion",
     "PairClass",
     "ParametricCurve",
+    "Profile",
     "Reason",
     "ReferenceLengths",
     "RunSummary",

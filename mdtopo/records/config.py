@@ -75,6 +75,12 @@ class MonitorConfig:
         "coordinate error η per atom in Å; by default what the reader knows of the file format",
         least=0.0,
     )
+    profile_steps: int = _knob(
+        32,
+        "how close every vertex came is kept once for so many steps, from the one of them with the least clearance; 0 "
+        "keeps none. Results of more than 8 million such values have longer windows",
+        least=0,
+    )
     block_steps: int = _knob(64, "steps that are read and measured together", least=1)
 
     def __post_init__(self) -> None:

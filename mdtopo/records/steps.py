@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.records.crossings import Crossings
+from mdtopo.records.profile import Profile
 from mdtopo.typing import Codes, Indices, Lengths, Points, Ratios, Times
 
 
@@ -149,7 +150,7 @@ class StepTable:
     """The columns of consecutive steps, one array each; row i is step ``first_step + i``.
 
     Field metadata hold the unit and the meaning of each column, as the results file does. Values of steps that could
-    not be measured are NaN, and their indices -1.
+    not be measured are NaN, and their indices -1. `profile` is what is kept of every vertex, by windows of steps.
     """
 
     first_step: int
@@ -218,6 +219,7 @@ class StepTable:
         shape=(len(Rung),),
         dtype=np.int64,
     )
+    profile: Profile = field(default_factory=Profile.none)
 
     def __len__(self) -> int:
         return len(self.frame_t0)
@@ -225,7 +227,7 @@ class StepTable:
     @classmethod
     def empty(cls) -> "StepTable":
         """Return a table without rows."""
-        numbers = {c.name: np.empty((0, *c.shape), dtype=c.dtype) for c in cls.columns()}
+        numbers: dict[str, Any] = {c.name: np.empty((0, *c.shape), dtype=c.dtype) for c in cls.columns()}
         return cls(
             first_step=0, stretches=Stretches.none(), broken=(), problems=(), crossings=Crossings.none(), **numbers
         )
@@ -243,6 +245,7 @@ class StepTable:
             broken=tuple(edge for table in tables for edge in table.broken),
             problems=tuple(problem for table in tables for problem in table.problems),
             crossings=Crossings.joined([table.crossings for table in tables]),
+            profile=Profile.joined([table.profile for table in tables]),
             **{c.name: np.concatenate([getattr(t, c.name) for t in tables]) for c in cls.columns()},
         )
 
@@ -255,6 +258,7 @@ class StepTable:
             stretches=replace(self.stretches, step=self.stretches.step + shift),
             broken=tuple(replace(edge, step=edge.step + shift) for edge in self.broken),
             crossings=replace(self.crossings, step=self.crossings.step + shift),
+            profile=self.profile.moved_by(shift),
         )
 
     @classmethod

@@ -23,12 +23,14 @@ from mdtopo.records import (
     Crossings,
     Gap,
     MonitorConfig,
+    Profile,
     ReferenceLengths,
     Severity,
     Strands,
     VertexLabels,
 )
 from mdtopo.store.bondstates import bonds_from_mapping
+from mdtopo.store.profile import stored_profile
 from mdtopo.store.schema import ALERTS, BROKEN, CROSSINGS, OLDEST_SCHEMA, SCHEMA, TEXT
 from mdtopo.typing import JsonObject
 
@@ -72,6 +74,9 @@ class Results:
         Whether these are the finished parts of a run that has not ended.
     stored : range
         The steps that the file holds, of which some alone may have been read.
+    profile : Profile or None
+        How close every vertex came, window by window; None where the file holds none, or step columns were named to
+        `read_results`.
     """
 
     schema: int
@@ -90,6 +95,7 @@ class Results:
     bonds: tuple[BondState, BondState] | None = None
     in_progress: bool = False
     stored: range = range(0)
+    profile: Profile | None = None
 
     @property
     def n_steps(self) -> int:
@@ -132,7 +138,7 @@ def read_results(
     path : path
         The file.
     columns : collection of str, optional
-        Names of the step columns to read; all by default. Every row of them is held in memory.
+        Names of the step columns to read; all by default, and the profile with them. Every row is held in memory.
     steps : range, optional
         The consecutive steps whose rows are read; all by default, and of these those that the file holds.
 
@@ -213,7 +219,12 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, step
         broken=broken_edges(file["strands"]),
         bonds=_bonds(file["strands"], len(strands.edges)),
         stored=stored,
+        profile=_profile(file, read) if columns is None else None,
     )
+
+
+def _profile(file: h5py.File, steps: range) -> Profile | None:
+    return stored_profile(file["profile"]).between(steps.start, steps.stop) if "profile" in file else None
 
 
 def _common(stored: range, wanted: range) -> range:

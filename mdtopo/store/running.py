@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mdtopo.errors import InputError, MissingFileError
-from mdtopo.records import Crossings
+from mdtopo.records import Crossings, Profile
 from mdtopo.store.parts import folder_of
 from mdtopo.store.reader import Results, read_results
 
@@ -74,6 +74,7 @@ def read_running(
         step = part.stored.stop
     first, last = parts[0], parts[-1]
     bonds = None if first.bonds is None or last.bonds is None else (first.bonds[0], last.bonds[1])
+    profiles = [part.profile for part in parts if part.profile is not None]
     return replace(
         first,
         complete=False,
@@ -85,4 +86,5 @@ def read_running(
         bonds=bonds,
         in_progress=True,
         stored=range(step),
+        profile=Profile.joined(profiles).within() if len(profiles) == len(parts) else None,
     )

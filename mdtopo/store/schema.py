@@ -8,6 +8,7 @@ group      holds
 /alerts    one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
 /stretches edges beyond their stretch limit, one row for each edge and step
 /problems  steps with a frame that cannot be used, one row each
+/profile   clearance of every vertex in the closest step of each window; attribute ``window_frames``
 /strands   which vertices form which strand, how they are called, reference lengths, broken edges
 ========== ==============================================================================================
 
@@ -118,6 +119,22 @@ PROBLEMS = {
     "text": Layout(TEXT, "what is wrong with one of its frames"),
 }
 """Steps that could not be measured."""
+
+PROFILE = {
+    "window": Layout(
+        np.int64,
+        "the window; it begins with frame window * window_frames. One in which nothing could be measured has no row",
+    ),
+    "step": Layout(np.int64, "the window's step of least clearance"),
+    "least": Layout(np.float64, "the clearance of that step", "Å"),
+    "clearance": Layout(
+        np.float32,
+        "proven lower bound of the distance, during that step, of every pair of edges of which one ends in the vertex, "
+        "one column for each vertex; NaN where there is no pair",
+        "Å",
+    ),
+}
+"""The columns of `Profile`."""
 
 STRANDS = {
     "offsets": Layout(np.int64, "strand s holds the vertices offsets[s] to offsets[s + 1] - 1"),

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import InputError
-from mdtopo.records import BrokenEdge, Crossings, StepTable, Strands, Stretches
+from mdtopo.records import BrokenEdge, Crossings, Profile, StepTable, Strands, Stretches
+from mdtopo.store.profile import stored_profile
 from mdtopo.store.reader import broken_edges, opened_results, plain_values, stored_strands
 from mdtopo.store.schema import CHUNK_ROWS, CROSSINGS, STRETCHES
 
@@ -18,7 +19,7 @@ from mdtopo.store.schema import CHUNK_ROWS, CROSSINGS, STRETCHES
 def stored_tables(path: str | os.PathLike[str], *, rows: int = CHUNK_ROWS) -> Iterator[StepTable]:
     """Yield the steps of a results file in order, as they were measured, bit for bit.
 
-    Memory does not grow with the file, but for its crossings, stretched edges and problems.
+    Memory does not grow with the file, but for its crossings, stretched edges and problems; a profile is bounded.
 
     Parameters
     ----------
@@ -60,6 +61,7 @@ class _Lists:
         texts = file["problems/text"].asstr()[()].tolist()
         self._problems = dict(zip(file["problems/step"][()].tolist(), texts, strict=True))
         self._broken: tuple[BrokenEdge, ...] = broken_edges(file["strands"])
+        self._profile = stored_profile(file["profile"]) if "profile" in file else Profile.none(strands.n_vertices)
 
     def between(self, start: int, stop: int) -> dict[str, Any]:
         """Return the fields of a table of the steps from `start` up to `stop`."""
@@ -68,6 +70,7 @@ class _Lists:
             "broken": tuple(edge for edge in self._broken if start <= edge.step < stop),
             "problems": tuple(self._problems.get(step, "") for step in range(start, stop)),
             "crossings": Crossings(strands=self._strands, **_rows(self._crossings, start, stop)),
+            "profile": self._profile.between(start, stop),
         }
 
 

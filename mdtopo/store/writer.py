@@ -28,6 +28,7 @@ from mdtopo.store.columns import (
     write_columns,
 )
 from mdtopo.store.guard import GuardedFile
+from mdtopo.store.profile import ProfileColumns
 from mdtopo.store.provenance import Provenance
 from mdtopo.store.schema import (
     BROKEN,
@@ -74,6 +75,7 @@ class ResultsWriter:
         self._alerts = AlertColumns(self._file.create_group("alerts"))
         self._stretches = StretchColumns(self._file.create_group("stretches"))
         self._problems = ProblemColumns(self._file.create_group("problems"))
+        self._profile = ProfileColumns(self._file.create_group("profile"), strands.n_vertices)
 
     @classmethod
     def create(
@@ -133,7 +135,7 @@ class ResultsWriter:
         self._flush()
 
     def append(self, table: StepTable) -> None:
-        """Add the steps of a table, their crossings, and the edges that broke in them.
+        """Add the steps of a table, their crossings and profile, and the edges that broke in them.
 
         Raises
         ------
@@ -145,6 +147,7 @@ class ResultsWriter:
         self._check_open()
         written = self._steps.append(table) | self._crossings.append(table.crossings)
         written |= self._stretches.append(table.stretches) | self._problems.append(table)
+        self._profile.append(table.profile)
         self._broken.extend(table.broken)
         if written:
             self._flush()
@@ -218,6 +221,7 @@ class ResultsWriter:
         self._alerts.flush()
         self._stretches.flush()
         self._problems.flush()
+        self._profile.flush()
         write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
         # default=str: a value that JSON does not know must not cost the run
         self._file.attrs["summary"] = json.dumps(summary, default=str)

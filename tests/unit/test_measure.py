@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from mdtopo.pipeline import step_tables
 from mdtopo.readers import ReaderRequest, Source, open_reader
-from mdtopo.records import MonitorConfig, PairClass, Reason, Rung, StepTable, Strands, Stretches, Verdict
+from mdtopo.records import MonitorConfig, PairClass, Profile, Reason, Rung, StepTable, Strands, Stretches, Verdict
+from mdtopo.records.profile import rounded_down
 
 Points = NDArray[np.float64]
 STRANDS = Strands.from_lengths([8, 6, 5], closed=[False, True, False])
@@ -32,7 +33,7 @@ def run(
     options = {name: np.asarray(value) for name, value in given.items() if value is not None}
     reader = open_reader(Source(object=frames), ReaderRequest(strands=strands, options=options))
     with reader:
-        config = MonitorConfig(**knobs)  # type: ignore[arg-type]
+        config = MonitorConfig(**{"profile_steps": 5, **knobs})  # type: ignore[arg-type]
         return StepTable.joined(list(step_tables(reader, config=config, threads=threads)))
 
 
@@ -67,6 +68,9 @@ def assert_same_bits(found: StepTable, expected: StepTable) -> None:
     for entry in fields(Stretches):
         one, other = getattr(found.stretches, entry.name), getattr(expected.stretches, entry.name)
         assert one.tobytes() == other.tobytes(), entry.name
+    for name in ("window", "step", "least", "clearance"):
+        assert getattr(found.profile, name).tobytes() == getattr(expected.profile, name).tobytes(), name
+    assert found.profile.window_frames == expected.profile.window_frames
     assert found.broken == expected.broken
     assert found.problems == expected.problems
     assert found.first_step == expected.first_step
@@ -88,6 +92,48 @@ def test_the_run_that_is_cut_has_a_break_a_bad_frame_stretches_and_both_verdicts
     assert [edge.edge for edge in table.broken] == [(3, 4)]
     assert len(table.stretches.step) > 0
     assert set(table.verdict.tolist()) == {Verdict.CERTIFIED, Verdict.UNRESOLVED}
+
+
+@pytest.mark.parametrize("motion", ["lab", "rigid"])
+@pytest.mark.parametrize("cell", CELLS)
+def test_the_profile_of_a_window_is_of_its_step_of_least_clearance(cell: str, motion: str) -> None:
+    table = whole_run(cell, motion)
+    profile = table.profile
+    assert (profile.window_frames, profile.window.tolist()) == (5, list(range(15)))
+    for row in range(len(profile)):
+        steps = np.arange(5 * row, min(5 * row + 5, len(table)))
+        least = table.clearance[steps]
+        assert profile.step[row] == steps[np.nanargmin(least)]
+        assert profile.least[row] == np.nanmin(least)
+        assert np.nanmin(profile.clearance[row]) == rounded_down(profile.least[row : row + 1])[0]
+    before = profile.step < BREAKS
+    assert np.isfinite(profile.clearance[before]).all()
+    assert BAD not in profile.step
+    assert BAD - 1 not in profile.step
+
+
+def test_a_window_in_which_nothing_can_be_measured_has_no_row() -> None:
+    windows = run(trajectory(), STRANDS, profile_steps=1).profile.window.tolist()
+    assert set(range(N_FRAMES - 1)) - set(windows) == {BAD - 1, BAD}
+
+
+def test_a_profile_of_no_steps_is_none() -> None:
+    assert len(run(trajectory()[:9], STRANDS, profile_steps=0).profile) == 0
+
+
+def test_windows_begin_at_fixed_frames_of_the_trajectory() -> None:
+    frames = trajectory()[:29]
+    reader = open_reader(Source(object=frames), ReaderRequest(strands=STRANDS))
+    config = MonitorConfig(profile_steps=4)
+    with reader:
+        whole = StepTable.joined(list(step_tables(reader, frames=slice(1, None, 2), config=config))).profile
+        cuts = [slice(1, 8, 2), slice(7, 20, 2), slice(19, None, 2)]
+        shards = [StepTable.joined(list(step_tables(reader, frames=cut, config=config))) for cut in cuts]
+    joined = Profile.joined([shard.moved_to(first).profile for shard, first in zip(shards, (0, 3, 9), strict=True)])
+    assert whole.window_frames == joined.window_frames == 8
+    assert whole.window.tolist() == joined.window.tolist() == [0, 1, 2, 3]
+    for name in ("step", "least", "clearance"):
+        assert getattr(joined, name).tobytes() == getattr(whole, name).tobytes()
 
 
 def test_steps_of_a_damaged_frame_are_unresolved_by_name_and_no_other_step_is() -> None:

@@ -23,6 +23,7 @@ from mdtopo.records import (
     Gap,
     Grade,
     MonitorConfig,
+    Profile,
     ReferenceLengths,
     Severity,
     Shape,
@@ -43,6 +44,7 @@ from mdtopo.store import (
     guard,
     read_results,
     read_so_far,
+    stored_tables,
     writer,
 )
 from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, OLDEST_SCHEMA, column_dtype
@@ -166,9 +168,67 @@ def test_every_column_comes_back(tmp_path):
     assert_steps_are(found, table)
 
 
+def profile_of(windows, *, seed=0):
+    """One row for each window, of windows of 4 steps."""
+    random, n = np.random.default_rng(seed), len(windows)
+    values = random.random((n, STRANDS.n_vertices)).astype(np.float32)
+    values[0, 0] = np.nan
+    window = np.array(windows, dtype=np.int64)
+    return Profile(4, window, 4 * window + random.integers(0, 4, n), random.random(n), values)
+
+
+def assert_profile_is(found, expected):
+    assert found.window_frames == expected.window_frames
+    for name in ("window", "step", "least", "clearance"):
+        one, other = getattr(found, name), getattr(expected, name)
+        assert (one.dtype, one.tobytes()) == (other.dtype, other.tobytes()), name
+
+
+def test_a_profile_comes_back_and_its_columns_say_what_they_are(tmp_path):
+    profile = profile_of([0, 1, 3])
+    path = write(tmp_path / "run.h5", replace(step_table(16), profile=profile))
+    assert_profile_is(read_results(path).profile, profile)
+    assert read_results(path, columns=["nu"]).profile is None
+    (table,) = stored_tables(path)
+    assert_profile_is(table.profile, profile)
+    pieces = [piece.profile for piece in stored_tables(path, rows=3)]
+    assert sum(map(len, pieces)) == 3 > max(map(len, pieces))
+    assert_profile_is(Profile.joined(pieces), profile)
+    with h5py.File(path) as file:
+        assert file["profile/clearance"].dtype == np.float32
+        for dataset in file["profile"].values():
+            assert dataset.attrs["description"]
+            assert (dataset.compression, dataset.shuffle) == ("gzip", True)
+
+
+def test_a_profile_too_large_has_longer_windows_however_it_came(tmp_path, monkeypatch):
+    monkeypatch.setattr("mdtopo.store.profile.MOST_VALUES", 5 * 7)  # 5 vertices, 7 windows
+    monkeypatch.setattr("mdtopo.store.profile.CHUNK_VALUES", 10)
+    whole, found = profile_of(range(23)), []
+    for number, size in enumerate((1, 5, 23)):
+        tables = [
+            replace(step_table(4 * (stop - start), first_step=4 * start), profile=whole.between(4 * start, 4 * stop))
+            for start in range(0, 23, size)
+            for stop in [min(start + size, 23)]
+        ]
+        found.append(read_results(write(tmp_path / f"{number}.h5", *tables)).profile)
+    assert (found[0].window_frames, len(found[0])) == (16, 6)
+    for profile in found:
+        assert_profile_is(profile, whole.within(5 * 7))
+
+
+def test_a_file_without_a_profile_is_read(tmp_path):
+    path = write(tmp_path / "run.h5", step_table(3))
+    assert len(read_results(path).profile) == 0
+    with h5py.File(path, "r+") as file:
+        del file["profile"]
+    assert read_results(path).profile is None
+    assert len(next(stored_tables(path)).profile) == 0
+
+
 def test_a_column_says_what_it_is(tmp_path):
     with h5py.File(write(tmp_path / "run.h5", step_table(3))) as file:
-        assert set(file) == {"steps", "crossings", "alerts", "stretches", "problems", "strands"}
+        assert set(file) == {"steps", "crossings", "alerts", "stretches", "problems", "profile", "strands"}
         for column in StepTable.columns():
             dataset = file["steps"][column.name]
             assert dataset.attrs["unit"] == column.unit
