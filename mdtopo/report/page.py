@@ -238,6 +238,7 @@ def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[st
     atoms = sorted({vertex for edge in event.edges for vertex in edge})
     indices = run.results.strands.labels.atom_index[atoms].tolist() if atoms else []
     paths = [entry["path"] for entry in run.results.provenance.get("inputs", [])]
+    options = run.results.request.get("reader_options") or {}
     shape, colour = SEVERITY_SHAPES[event.alert.severity]
     return {
         "alert": event.alert,
@@ -248,7 +249,7 @@ def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[st
         "crossing": event.crossing,
         "frames": event.frames,
         "times": event.times,
-        "snippets": snippets(paths, event.frames, indices) if event.frames else {},
+        "snippets": snippets(paths, event.frames, indices, options) if event.frames else {},
         "view": views.get(event.alert.id),
     }
 
