@@ -45,7 +45,25 @@ def near_edges(x0: FloatArray, x1: FloatArray, edges: IntArray, trace: IntArray,
     Conservative: two edges of a pair that is missing are further apart than the sum of their pads, along one of the
     axes, at every time of the step: an edge stays in the box that holds both its ends before and after.
     """
-    boxes = edge_boxes(x0, x1, edges, pads)
+    return near_boxes(edge_boxes(x0, x1, edges, pads), trace)
+
+
+@njit(cache=True, nogil=True)
+def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
+    """Return every pair of boxes that meet, in the order of their edges, neighbours along a trace left out.
+
+    Parameters
+    ----------
+    boxes : ndarray, shape (m, 6)
+        Of each edge, or of what goes along it: least x, y, z, then greatest x, y, z, Å.
+    trace : ndarray of int, shape (m,)
+        The trace of each, in trace order.
+
+    Returns
+    -------
+    pairs : ndarray of int, shape (k, 2)
+        Edges i < j, without those at most two places apart on one trace; see `near_edges`.
+    """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
     return edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))

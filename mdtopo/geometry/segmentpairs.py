@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
-from mdtopo.geometry.bundles import bundle_starts, edge_pairs, joint_boxes, last_neighbours, meeting_boxes
+from mdtopo.geometry.bundles import near_boxes
 from mdtopo.geometry.distances import LEAST_SQUARE, UNIT_ROUNDOFF
 from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.segmenthulls import JOINT, PAIR, SELF
@@ -234,10 +234,7 @@ def _pairs_in_reach(
             trace[k] = trace[k - 1] if following[k - 1] == k else trace[k - 1] + 1
         for axis in range(3):
             boxes[k, axis], boxes[k, axis + 3] = shapes.boxes[k, axis] - pad, shapes.boxes[k, axis + 3] + pad
-    starts = bundle_starts(trace)
-    bundles = joint_boxes(boxes, starts)
-    pairs = edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))
-    return pairs, np.empty((0, 3), dtype=np.int64), True
+    return near_boxes(boxes, trace), np.empty((0, 3), dtype=np.int64), True
 
 
 @njit(cache=True, nogil=True)
