@@ -23,7 +23,7 @@ from mdtopo.cli import (
     verify,
     watch,
 )
-from mdtopo.cli.exits import EXIT_HELP, Exit, exit_code
+from mdtopo.cli.exits import EXIT_HELP, Exit, close_log, exit_code
 
 COMMANDS = (demo, doctor, monitor, report, watch, shards, merge, alerts, explain, export, verify, config, readers)
 
@@ -71,4 +71,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(end.code or 0)
     except (Exception, KeyboardInterrupt) as error:
         return exit_code(error, show_traceback=getattr(arguments, "verbose", False))
+    finally:
+        close_log()
     return int(code)

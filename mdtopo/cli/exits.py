@@ -6,6 +6,7 @@ import sys
 import traceback
 from contextlib import suppress
 from enum import IntEnum
+from typing import IO
 
 from mdtopo.errors import ClusterError, InputError, OutputError
 
@@ -43,24 +44,49 @@ exit codes:
 """
 
 
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What systems answer where no more can be written."""
+
+
 def say(text: str) -> None:
     """Write one line to standard error, after the name of the program."""
-    sys.stderr.write(f"mdtopo: {text}\n")
-    sys.stderr.flush()
+    write_log(sys.stderr, f"mdtopo: {text}\n")
+
+
+def write_log(stream: IO[str], text: str) -> None:
+    """Write to a log, such as standard error; what it cannot take is lost.
+
+    A log on a full disk, or one that nobody reads any more, must neither end a run nor change its exit code.
+    """
+    with suppress(OSError):
+        stream.write(text)
+        stream.flush()
+
+
+def close_log() -> None:
+    """Forget what standard error could not take, which the interpreter would try once more, and end with code 120."""
+    try:
+        sys.stderr.flush()
+    except OSError:
+        _forget(sys.stderr)
 
 
 def exit_code(error: BaseException, *, show_traceback: bool) -> Exit:
     """Return the exit code for an error that ended a command, and say the error in one sentence."""
     if _is_broken_pipe(error):
-        _forget_stdout()
+        _forget(sys.stdout)
         return Exit.BROKEN_PIPE
     if show_traceback or os.environ.get(DEBUG_VARIABLE):
-        traceback.print_exception(error)
+        write_log(sys.stderr, "".join(traceback.format_exception(error)))
     if isinstance(error, KeyboardInterrupt):
         say(" ".join(["interrupted.", *getattr(error, "__notes__", [])]))
         return Exit.INTERRUPTED
     if isinstance(error, InputError | OutputError | ClusterError):
         say(str(error))
+        return Exit.BAD_INPUT
+    if isinstance(error, OSError) and error.errno in FULL_DISK:  # of files mdtopo's own error speaks
+        _forget(sys.stdout)
+        say(f"standard output cannot be written ({error.strerror}); what was finished is kept.")
         return Exit.BAD_INPUT
     if "no locator available" in str(error):  # numba's words, when it is imported
         say("numba finds no directory where it may keep compiled kernels; set NUMBA_CACHE_DIR to one.")
@@ -84,7 +110,7 @@ def _is_broken_pipe(error: BaseException) -> bool:
     return False
 
 
-def _forget_stdout() -> None:
-    # the interpreter flushes stdout once more at its end, and would print an error of its own
+def _forget(stream: IO[str]) -> None:
+    # the interpreter flushes its streams once more at its end, and would print an error of its own
     with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,13 +1,12 @@
 """``mdtopo merge``: shards of one trajectory, made one results file."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from mdtopo.cli.exits import EXIT_HELP, Exit
 from mdtopo.cli.options import NEVER, add_options, given_options, settled
 from mdtopo.cli.options import OUTPUT_OPTIONS as ALL_OUTPUT_OPTIONS
-from mdtopo.cli.summary import counts_as_failure, summary_text
+from mdtopo.cli.summary import counts_as_failure, print_summary, summary_text
 from mdtopo.errors import InputError
 from mdtopo.records import MonitorConfig
 
@@ -60,9 +59,8 @@ def run(arguments: argparse.Namespace) -> Exit:
     )
     if not options["quiet"]:
         config = MonitorConfig.from_mapping(read_results(arguments.out, columns=()).config)
-        stream = sys.stderr if options["alerts"] == "-" else sys.stdout
         shown = "" if options["alerts"] in (None, "-") else str(options["alerts"])
-        stream.write(summary_text(summary, config, alerts_at=shown, results_at=str(arguments.out)))
-        stream.flush()
+        text = summary_text(summary, config, alerts_at=shown, results_at=str(arguments.out))
+        print_summary(text, to_log=options["alerts"] == "-")
     fails = options["fail_on"] != NEVER and counts_as_failure(summary.alerts, options["fail_on"])
     return Exit.ALERTS if fails else Exit.DONE

@@ -14,7 +14,7 @@ from mdtopo.cli.configfile import knobs_of, read_config
 from mdtopo.cli.exits import EXIT_HELP, Exit, say
 from mdtopo.cli.options import MONITOR_OPTIONS, add_options, frame_slice, given_options, settled
 from mdtopo.cli.progress import ProgressDisplay, StderrHandler
-from mdtopo.cli.summary import counts_as_failure, summary_text
+from mdtopo.cli.summary import counts_as_failure, print_summary, summary_text
 from mdtopo.errors import InputError, OptionError
 from mdtopo.records.config import MonitorConfig
 
@@ -146,9 +146,7 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     if options["report"] is not None and summary.n_steps:
         _write_report(inputs, options)
     if not options["quiet"]:
-        stream = sys.stderr if to_stdout else sys.stdout
-        stream.write(_summary(summary, config, options))
-        stream.flush()
+        print_summary(_summary(summary, config, options), to_log=to_stdout)
     return summary
 
 

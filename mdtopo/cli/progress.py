@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING
 
+from mdtopo.cli.exits import say, write_log
+
 if TYPE_CHECKING:
     from mdtopo.pipeline import Progress
 
@@ -58,14 +60,12 @@ class ProgressDisplay:
         if self._bar:
             self._draw(text, progress)
         else:
-            self._stream.write(f"mdtopo: {text}\n")
-            self._stream.flush()
+            write_log(self._stream, f"mdtopo: {text}\n")
 
     def clear(self) -> None:
         """Take the bar away."""
         if self._width:
-            self._stream.write("\r" + " " * self._width + "\r")
-            self._stream.flush()
+            write_log(self._stream, "\r" + " " * self._width + "\r")
             self._width = 0
 
     def _rate(self, now: float, steps: int) -> float:
@@ -80,8 +80,7 @@ class ProgressDisplay:
             filled = round(room * progress.steps / progress.total)
             text = f"[{'#' * filled}{'.' * (room - filled)}] {text}"
         text = text[:columns]
-        self._stream.write("\r" + text.ljust(self._width))
-        self._stream.flush()
+        write_log(self._stream, "\r" + text.ljust(self._width))
         self._width = len(text)
 
 
@@ -113,5 +112,4 @@ class StderrHandler(logging.Handler):
         """Write one record."""
         if self._display is not None:
             self._display.clear()
-        sys.stderr.write(f"mdtopo: {record.getMessage()}\n")
-        sys.stderr.flush()
+        say(record.getMessage())

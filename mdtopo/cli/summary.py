@@ -1,11 +1,22 @@
 """What a run comes to, as text."""
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from mdtopo.cli.exits import write_log
 from mdtopo.records import MonitorConfig, RunSummary, Severity
 from mdtopo.records.headline import headline, state_meanings
+
+
+def print_summary(text: str, *, to_log: bool) -> None:
+    """Print a summary on standard output, or among the log where standard output carries data."""
+    if to_log:
+        write_log(sys.stderr, text)
+    else:
+        sys.stdout.write(text)
+        sys.stdout.flush()
 
 
 def aligned(rows: Sequence[tuple[str, str]], *, indent: str = "  ") -> Iterator[str]:

@@ -3,7 +3,6 @@
 import argparse
 import math
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,7 @@ from mdtopo.cli.exits import EXIT_HELP, Exit, say
 from mdtopo.cli.monitor import add_config, add_inputs, logging_to_stderr, settled_options
 from mdtopo.cli.options import INPUT_OPTIONS, OUTPUT_OPTIONS, add_options, knob_options
 from mdtopo.cli.progress import ProgressDisplay
-from mdtopo.cli.summary import counts_as_failure, summary_text
+from mdtopo.cli.summary import counts_as_failure, print_summary, summary_text
 from mdtopo.records.config import MonitorConfig
 
 DESCRIPTION = """\
@@ -103,9 +102,8 @@ def run(arguments: argparse.Namespace) -> Exit:
             on_progress=None if options["quiet"] else display.show,
         )
     if not options["quiet"]:
-        stream = sys.stderr if alerts == "-" else sys.stdout
-        stream.write(summary_text(summary, config, alerts_at="" if alerts == "-" else alerts))
-        stream.flush()
+        to_log = alerts == "-"
+        print_summary(summary_text(summary, config, alerts_at="" if to_log else alerts), to_log=to_log)
     if summary.stopped:
         say(f"the trajectory has stood still, and ends badly: {summary.stopped}")
         return Exit.BAD_INPUT

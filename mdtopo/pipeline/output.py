@@ -217,8 +217,14 @@ def _holds(path: Path, head: Head) -> bool:
 
 
 def _is_of(path: Path, state: dict[str, object]) -> bool:
-    stored = _identity_of(path) if path.exists() else None
-    return stored is not None and bool(stored["inputs"]) and _same(stored, state)
+    """Return whether a results file is of the very run that a state file is of, not of one before that it replaces."""
+    if not path.exists():
+        return False
+    try:
+        found = read_results(path, columns=())
+    except InputError:
+        return False
+    return found.complete and bool(found.provenance["started"] == state["started"])
 
 
 def _same(stored: dict[str, object], asked: dict[str, object]) -> bool:

@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
@@ -42,8 +42,9 @@ class StopRequest:
     def on_signal(self, number: int, _: FrameType | None) -> None:
         """Note a signal; a second one from the keyboard ends the process at once."""
         if number == signal.SIGINT and self.signal:
-            sys.stderr.write("mdtopo: interrupted again; what was finished is kept.\n")
-            sys.stderr.flush()
+            with suppress(OSError):  # a log on a full disk
+                sys.stderr.write("mdtopo: interrupted again; what was finished is kept.\n")
+                sys.stderr.flush()
             os._exit(130)  # kernels in other threads cannot be interrupted, and finished parts are safe
         self.signal = signal.Signals(number).name
 

@@ -1,3 +1,4 @@
+import errno
 import io
 import logging
 
@@ -51,6 +52,21 @@ def test_the_rate_leaves_out_the_first_block_which_holds_the_compilation() -> No
         "mdtopo: 10/100 steps (10 %), 0 alerts",
         "mdtopo: 70/100 steps (70 %), 2 per s, 0:15 left, 0 alerts",
     ]
+
+
+class FullDisk(io.StringIO):
+    def write(self, _: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize("bar", [False, True])
+def test_a_log_that_cannot_be_written_ends_nothing(bar: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock()
+    monkeypatch.setattr("sys.stderr", FullDisk())
+    with ProgressDisplay(FullDisk(), bar=bar, clock=clock) as display:
+        clock.now = 40.0
+        display.show(Progress(50, 100, 0))
+        StderrHandler(display).emit(logging.makeLogRecord({"msg": "a note"}))
 
 
 def test_a_bar_is_drawn_in_place_and_taken_away() -> None:

@@ -180,6 +180,21 @@ def test_a_finished_run_is_not_measured_again(trajectory: Path, tmp_path: Path) 
         mdtopo.monitor(trajectory, out=out, frames=slice(0, 5))
 
 
+def test_a_run_that_replaces_its_own_complete_results_goes_on_too(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    mdtopo.monitor(trajectory, out=out)
+    put_down(trajectory, out, parts=SHORT, overwrite=True)
+    parts = kill_runs.digests(folder_of(out))
+    assert len(parts) == 2
+    put_down(trajectory, out, parts=SHORT, overwrite=True)
+    after = kill_runs.digests(folder_of(out))
+    assert parts.items() < after.items()
+    before = out.read_bytes()
+    assert mdtopo.monitor(trajectory, out=out, overwrite=True).n_steps == 239
+    assert out.read_bytes() != before  # the times of the new run
+    assert not folder_of(out).exists()
+
+
 def test_a_second_writer_is_refused_and_the_first_is_named(trajectory: Path, tmp_path: Path) -> None:
     out = tmp_path / "run.h5"
     make_folder(out)
