@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -112,7 +112,8 @@ def open_output(stack: ExitStack, path: Path, head: Head, start: BondState, *, o
         check_target(path, overwrite=False)
     make_folder(path)
     lock = OutputLock(folder_of(path) / "lock", path)
-    stack.push(_Leaving(path, lock))
+    leaving = _Leaving(path, lock)
+    stack.push(leaving)
     state = read_state(path)
     if state is not None and _is_of(path, state):  # killed while it tidied up
         discard(path)
@@ -133,22 +134,27 @@ def open_output(stack: ExitStack, path: Path, head: Head, start: BondState, *, o
     if state is not None and resumed:
         _check_all_there(path, state, parts)
     parts.begin()
+    leaving.parts = parts
     if resumed and parts.parts:
         log.info("%s: going on behind step %d, which an earlier run has reached.", path, parts.parts[-1].next_step - 1)
     return Output(path, head, parts, resumed, overwrite, start)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Leaving:
     """Lets go of an output; where nothing is left to go on with, the directory of its parts goes too."""
 
     path: Path
     lock: OutputLock
+    parts: PartsWriter | None = None
 
     def __enter__(self) -> None:
         return
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
+        if self.parts is not None and error is not None and read_state(self.path) is not None:
+            with suppress(OutputError):  # often it is the error: the disk is full
+                self.parts.note_end("failed", str(error) or type(error).__name__)
         folder = folder_of(self.path)
         has_parts = any(folder.glob("part-*.h5"))
         has_state = (folder / "state.json").exists() and not (kind is not None and issubclass(kind, InputError))

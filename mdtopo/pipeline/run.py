@@ -193,7 +193,8 @@ class _Job:
         stopped = checkpoint = ""
         if self.output is None or not self.output.is_finished:
             stopped, checkpoint = self._measure(tally, stream, ahead=ahead)
-        if checkpoint:
+        if checkpoint and self.output is not None and self.output.parts is not None:
+            self.output.parts.note_end("put down", checkpoint)
             return replace(tally.summary(None, checkpoint), checkpoint=checkpoint)
         self._say(stream.finish(), tally)
         self.alert_file.finish()

@@ -5,6 +5,7 @@ import fcntl
 import json
 import os
 import socket
+import struct
 from pathlib import Path
 from typing import Self
 
@@ -12,6 +13,9 @@ from mdtopo.errors import OutputError
 
 HELD: set[Path] = set()
 """Locks of this process: to the system a process never stands in its own way."""
+
+FLOCK = "hhqqi4x"
+"""``struct flock`` of Linux on machines of 64 bits: type, whence, start, length, process."""
 
 UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
 """What file systems answer that have no locks."""
@@ -61,6 +65,28 @@ class OutputLock:
 
     def __exit__(self, *_: object) -> None:
         self.release()
+
+
+def is_held(path: Path) -> bool:
+    """Return whether somebody holds a lock; it is asked for, not tried, so that nobody is refused because of it.
+
+    Where there are no locks, a holder on another machine counts as one that lives.
+    """
+    if path.resolve() in HELD:  # and to close the file once would let go of the lock
+        return True
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        asked = struct.pack(FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+        found, *_ = struct.unpack(FLOCK, fcntl.fcntl(descriptor, fcntl.F_GETLK, asked))
+        return bool(found != fcntl.F_UNLCK)
+    except OSError:
+        holder = _holder(descriptor)
+        return _lives_here(holder) or holder[0] not in ("", socket.gethostname())
+    finally:
+        os.close(descriptor)
 
 
 def _locked(path: Path, output: Path) -> int:

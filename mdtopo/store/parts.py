@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from mdtopo.bonds import BondState
 from mdtopo.errors import InputError, OutputError
@@ -23,6 +23,9 @@ from mdtopo.store.tables import stored_tables
 from mdtopo.store.writer import ResultsWriter
 
 STATE_SCHEMA = "mdtopo.state/1"
+
+EndKind: TypeAlias = Literal["put down", "failed"]
+"""How a run ends that does not come to its last step: on request, or by an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +236,17 @@ class PartsWriter:
             self._writer.abort()
             self._writer = None
 
-    def _write_state(self) -> None:
+    def note_end(self, kind: EndKind, reason: str) -> None:
+        """Write into the state file how the run ended before its last step, for those who watch it.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; the state file is then as it was.
+        """
+        self._write_state({"ended": {"kind": kind, "reason": reason}})
+
+    def _write_state(self, more: Mapping[str, Any] | None = None) -> None:
         state = {
             "schema": STATE_SCHEMA,
             **self.head.identity(),
@@ -241,6 +254,7 @@ class PartsWriter:
             "next_step": self.parts[-1].next_step if self.parts else 0,
             "last_frame": self.parts[-1].last_frame if self.parts else None,
             "parts": [{"name": p.path.name, "first_step": p.first_step, "n_steps": p.n_steps} for p in self.parts],
+            **(more or {}),
         }
         write_text(folder_of(self.out) / "state.json", json.dumps(state, indent=1))
 

@@ -16,7 +16,9 @@ from mdtopo.store.reader import broken_edges, opened_results, plain_values, stor
 from mdtopo.store.schema import CHUNK_ROWS, CROSSINGS, STRETCHES
 
 
-def stored_tables(path: str | os.PathLike[str], *, rows: int = CHUNK_ROWS) -> Iterator[StepTable]:
+def stored_tables(
+    path: str | os.PathLike[str], *, rows: int = CHUNK_ROWS, first_step: int | None = None
+) -> Iterator[StepTable]:
     """Yield the steps of a results file in order, as they were measured, bit for bit.
 
     Memory does not grow with the file, but for its crossings, stretched edges and problems; a profile is bounded.
@@ -27,6 +29,8 @@ def stored_tables(path: str | os.PathLike[str], *, rows: int = CHUNK_ROWS) -> It
         The file.
     rows : int
         Steps of a table.
+    first_step : int, optional
+        The step to begin with; by default the file's first one.
 
     Raises
     ------
@@ -39,7 +43,8 @@ def stored_tables(path: str | os.PathLike[str], *, rows: int = CHUNK_ROWS) -> It
         strands = stored_strands(file["strands"])
         first, n_rows = int(file["steps"].attrs["first_step"]), len(file["steps/verdict"])
         lists = _Lists(file, strands)
-        for start in range(0, n_rows, rows):
+        skipped = 0 if first_step is None else max(first_step - first, 0)
+        for start in range(skipped, n_rows, rows):
             stop = min(start + rows, n_rows)
             values: dict[str, Any] = lists.between(first + start, first + stop)
             for column in StepTable.columns():

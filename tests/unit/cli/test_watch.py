@@ -98,6 +98,42 @@ def test_a_trajectory_that_ends_within_a_frame_is_no_success(cli: Callable, tmp_
     assert "ends within frame 26" in outcome.err
 
 
+def test_a_run_that_was_put_down_has_its_exit_code(cli: Callable, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    monitored = cli("monitor", DEMO / "duplex.data", DEMO / "pull.dcd", "-o", out, "--max-hours", 0, "--block-steps", 8)
+    assert monitored.code == Exit.CHECKPOINT
+    outcome = cli("watch", out, "--poll", 0.01)
+    assert outcome.code == Exit.CHECKPOINT
+    assert "was put down after 8 steps, because the 0 hours of --max-hours are over" in outcome.err
+    assert cli("monitor", DEMO / "duplex.data", DEMO / "pull.dcd", "-o", out, "--block-steps", 8).code == Exit.DONE
+    outcome = cli("watch", out)
+    assert outcome.code == Exit.DONE
+    assert [json.loads(line)["kind"] for line in outcome.out.splitlines()] == ["stretch", "fracture", "stretch"]
+    assert "FAIL: 1 broken edge" in outcome.err
+
+
+def test_a_run_that_stopped_early_ends_as_it_did(cli: Callable, tmp_path: Path) -> None:
+    cut, out = tmp_path / "cut.dcd", tmp_path / "run.h5"
+    cut.write_bytes((DEMO / "pull.dcd").read_bytes()[:40_000])
+    assert cli("monitor", DEMO / "duplex.data", cut, "-o", out).code == Exit.BAD_INPUT
+    outcome = cli("watch", out)
+    assert outcome.code == Exit.BAD_INPUT
+    assert "stopped early: " in outcome.err
+
+
+def test_a_run_that_never_begins_is_named(cli: Callable, tmp_path: Path) -> None:
+    outcome = cli("watch", tmp_path / "run.h5", "--idle-timeout", 0.1, "--poll", 0.05)
+    assert outcome.code == Exit.BAD_INPUT
+    assert "run.h5 does not exist, and no run has begun to write it" in outcome.err
+
+
+@pytest.mark.parametrize("words", [["--select", "all"], ["--near-limit", "0.5"], ["--config", "a.toml"]], ids=" ".join)
+def test_a_run_has_its_own_settings(cli: Callable, tmp_path: Path, words: list[str]) -> None:
+    outcome = cli("watch", tmp_path / "run.h5", *words)
+    assert outcome.code == Exit.USAGE
+    assert f"which has settings of its own; leave {words[0]} out" in outcome.err
+
+
 @pytest.mark.parametrize("value", ["0", "-1", "soon", "inf"])
 def test_times_are_checked(cli: Callable, value: str) -> None:
     outcome = cli("watch", "a.pdb", "b.xtc", f"--idle-timeout={value}")
