@@ -137,6 +137,8 @@ def monitor_on_cluster(
             job = _ClusterJob(client, cluster, template, shards, stop or StopRequest(), on_progress)
             checkpoint = job.run()
             if checkpoint:
+                if output.parts is not None:
+                    output.parts.note_end("put down", checkpoint)
                 return _put_down(job, config, checkpoint)
             summary = joined(
                 [entry.measured for entry in shards], target, output.head, overwrite=overwrite, alert_file=alert_file
