@@ -89,7 +89,8 @@ def _mark_alerts(axes: Any, x: NDArray[Any], first_step: int, alerts: Iterable[A
 def steps_dataframe(columns: Columns, first_step: int) -> Any:
     """Return a pandas DataFrame with a row for each step (the index), enums as categories of names.
 
-    Columns of several numbers for each step are split: ``nu_pair`` becomes ``nu_pair_0_0`` … ``nu_pair_1_1``.
+    They stand in the order of `StepTable`, frames and times first, whatever order the file lists them in. Columns of
+    several numbers for each step are split: ``nu_pair`` becomes ``nu_pair_0_0`` … ``nu_pair_1_1``.
 
     Raises
     ------
@@ -104,7 +105,8 @@ def steps_dataframe(columns: Columns, first_step: int) -> Any:
         ) from error
     enums = {column.name: column.enum for column in StepTable.columns()}
     flat: dict[str, Any] = {}
-    for name, values in columns.items():
+    order = {name: k for k, name in enumerate(enums)}
+    for name, values in sorted(columns.items(), key=lambda item: order.get(item[0], len(order))):
         enum = enums.get(name)
         for index in np.ndindex(values.shape[1:]):
             part = values[(slice(None), *index)]

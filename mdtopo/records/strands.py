@@ -68,7 +68,11 @@ class Gap:
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
+SHOWN = 5
+"""Strands that are named at a prompt."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Strands:
     """Ordered backbone traces, open or closed; constant over a run.
 
@@ -114,6 +118,16 @@ class Strands:
                     f"Strand {self.names[strand]!r} has {_vertices(int(length))}; "
                     f"a strand that is {kind} needs at least {least}. Select more atoms, or leave this strand out."
                 )
+
+    def __repr__(self) -> str:
+        """Return the strands in one line: the labels of a million vertices are no help at a prompt."""
+        sizes = np.diff(self.offsets).tolist()
+        words = [
+            f"{name!r} ({'ring' if closed else 'open'}, {size})"
+            for name, closed, size in zip(self.names[:SHOWN], self.closed, sizes, strict=False)
+        ]
+        more = ", …" if len(self.names) > SHOWN else ""
+        return f"<Strands: {len(self.names)} with {sum(sizes)} vertices: {', '.join(words)}{more}>"
 
     @classmethod
     def from_lengths(

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -112,18 +113,19 @@ class Results:
 
     def _repr_html_(self) -> str:
         """Return a table for a notebook."""
-        state = "complete" if self.complete else "not complete"
-        strands = self.strands
+        state = "in progress" if self.in_progress else "complete" if self.complete else "not complete"
+        strands, severities = self.strands, Counter(alert.severity for alert in self.alerts)
+        kinds = ", ".join(f"{n} {severity.name.lower()}" for severity, n in sorted(severities.items(), reverse=True))
         rows: list[tuple[str, object]] = [
             ("verdict", self.summary.get("verdict", "none yet")),
             ("run", state),
-            ("steps", self.n_steps),
+            ("steps", len(self.stored)),
             (
                 "strands",
                 f"{strands.n_strands} ({', '.join(strands.names[:5])}{', …' if strands.n_strands > 5 else ''})",
             ),
             ("crossings", len(self.crossings)),
-            ("alerts", len(self.alerts)),
+            ("alerts", f"{len(self.alerts)} ({kinds})" if kinds else 0),
         ]
         return html_table("mdtopo results", rows)
 

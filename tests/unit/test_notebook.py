@@ -38,6 +38,19 @@ def test_names_of_files_show_as_text(run: tuple[mdtopo.RunSummary, Results]) -> 
         assert f"<th>{name}</th><td>{count}</td>" in summary._repr_html_()
 
 
+def test_a_prompt_shows_strands_and_results_in_a_few_words(run: tuple[mdtopo.RunSummary, Results]) -> None:
+    results = run[1]
+    assert repr(results.strands) == f"<Strands: 2 with 4 vertices: {HOSTILE!r} (open, 2), 'b' (open, 2)>"
+    many = Strands.from_lengths([3] * 9, closed=True)
+    assert repr(many).endswith("'strand 4' (ring, 3), …>")
+    assert "<th>steps</th><td>3</td>" in results._repr_html_()
+    n = len(results.alerts)
+    assert {alert.severity.name for alert in results.alerts} == {"WARNING"}
+    assert f"<th>alerts</th><td>{n} ({n} warning)</td>" in results._repr_html_()
+    assert "<td>in progress</td>" in replace(results, complete=False, in_progress=True)._repr_html_()
+    assert list(results.to_dataframe().columns[:4]) == ["frame_t0", "frame_t1", "time_t0", "time_t1"]
+
+
 def test_the_plot_holds_every_step_the_limit_and_the_alerts(run: tuple[mdtopo.RunSummary, Results]) -> None:
     from matplotlib import pyplot
 
