@@ -12,7 +12,8 @@ const unpack = (text, Type) => {
 };
 const FONT = { family: "system-ui, sans-serif", size: 13, color: "#1d2430" };
 // on a narrow screen the buttons would lie on the legend
-const CONFIG = { displaylogo: false, responsive: true, displayModeBar: window.innerWidth > 760, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+const NARROW = window.innerWidth <= 760;
+const CONFIG = { displaylogo: false, responsive: true, displayModeBar: !NARROW, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
 const wrap = (text, width) => {
   const lines = [""];
   for (const word of String(text).split(" ")) {
@@ -217,7 +218,7 @@ function openView(view) {
   const axis = () => ({ range: [-radius, radius], visible: false, showspikes: false });
   const eye = d.eye.map((v) => 1.6 * v);
   const layout = { font: FONT, margin: { l: 0, r: 0, t: 0, b: 0 }, legend: { x: 0, y: 1, bgcolor: "rgba(255,255,255,.85)" }, uirevision: "keep",
-    scene: { aspectmode: "cube", xaxis: axis(), yaxis: axis(), zaxis: axis(), camera: { eye: { x: eye[0], y: eye[1], z: eye[2] }, center: { x: 0, y: 0, z: 0 } } } };
+    scene: { domain: { x: [0, 1], y: [0, NARROW ? 0.7 : 1] }, aspectmode: "cube", xaxis: axis(), yaxis: axis(), zaxis: axis(), camera: { eye: { x: eye[0], y: eye[1], z: eye[2] }, center: { x: 0, y: 0, z: 0 } } } };
   Plotly.newPlot(stage, traces, layout, { ...CONFIG, modeBarButtonsToRemove: ["tableRotation", "resetCameraLastSave3d"] });
   const every = traces.map((_, k) => k);
   const move = (t) => {
@@ -254,5 +255,12 @@ for (const button of document.querySelectorAll(".copy")) button.onclick = async 
   button.textContent = "copied"; setTimeout(() => { button.textContent = "copy"; }, 1500);
 };
 first("more-events", (button) => { button.onclick = () => { for (const e of document.querySelectorAll(".event[hidden]")) e.hidden = false; button.remove(); }; });
+// on paper nobody can open an event: those with a picture are open while the page is printed
+let unfolded = [];
+window.addEventListener("beforeprint", () => {
+  unfolded = [...document.querySelectorAll(".event:not([open])")].filter((e) => e.querySelector(".still"));
+  for (const e of unfolded) e.open = true;
+});
+window.addEventListener("afterprint", () => { for (const e of unfolded) e.open = false; });
 document.documentElement.dataset.ready = "1";
 })();
