@@ -12,7 +12,11 @@ from mdtopo.report.rundata import RunData
 MOST_POINTS = 500
 """MultiQC thins a series of more points, and would lose the one step that matters."""
 
-PARENT = {"parent_id": "mdtopo", "parent_name": "mdtopo", "parent_description": "Did any strand pass through another?"}
+PARENT = {
+    "parent_id": "mdtopo",
+    "parent_name": "mdtopo",
+    "parent_description": "Whether any strand passed through another",
+}
 
 
 def multiqc_files(run: RunData, sample: str) -> Mapping[str, str]:
@@ -44,7 +48,8 @@ def _sections(run: RunData, sample: str) -> dict[str, Any]:
     band = envelope(run.columns["clearance"], starts)
     x = (run.columns["time_t0"][starts] if run.has_times else run.results.first_step + starts).tolist()
     lines = {
-        f"{sample} {word}": {repr(at): float(value) for at, value in zip(x, values, strict=True) if np.isfinite(value)}
+        # pairs, because MultiQC sorts the keys of an object as text: 10 before 2
+        f"{sample} {word}": [[at, float(value)] for at, value in zip(x, values, strict=True) if np.isfinite(value)]
         for word, values in (("least", band.least), ("greatest", band.greatest))
     }
     return {

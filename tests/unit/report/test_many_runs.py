@@ -57,6 +57,8 @@ def test_no_point_is_thinned_away(runs: list[Path]) -> None:
     least, greatest = files["clearance"]["data"].values()
     assert len(least) <= MOST_POINTS
     assert len(greatest) <= MOST_POINTS
-    assert min(least.values()) == 0.01
+    assert min(value for _, value in least) == 0.01
+    times = [at for at, _ in least]
+    assert times == sorted(times)
     row = files["verdict"]["data"]["quiet"]
     assert sum(row[name] for name in ("ball", "pairs", "near_limit", "unresolved", "crossed")) == row["steps"] == 1199
