@@ -13,6 +13,8 @@ from mdtopo.records.headline import headline, state_meanings
 from mdtopo.report.cards import pair_cards, pair_in_words, strand_cards
 from mdtopo.report.envelope import bin_starts, envelope, worst_states
 from mdtopo.report.events import Event, ranked_events, severity_word
+from mdtopo.report.heat import closest_places, heat_data, heat_map
+from mdtopo.report.heatpicture import heat_picture
 from mdtopo.report.interval import IntervalAdvice, interval_advice, percent
 from mdtopo.report.rundata import RunData
 from mdtopo.report.scene import Scene
@@ -68,7 +70,9 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
     listed = events[: max(MOST_LISTED, n_views or 0)]
     views = views_of(listed, scenes, MOST_BYTES if n_views is None else math.inf)
     scale, unit = time_unit(run)
-    advice = interval_advice(run)
+    advice, heat = interval_advice(run), heat_map(run)
+    data = _data(run, events, views, advice)
+    data["heat"] = heat_data(run, heat, scale)
     context = {
         "run": run,
         "summary": run.summary,
@@ -94,7 +98,10 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "provenance": run.results.provenance,
         "gaps": run.results.strands.gaps,
         "figure": figure,
-        "data": script_json(_data(run, events, views, advice)),
+        "heat": heat,
+        "heat_picture": "" if heat is None else heat_picture(run, heat, scale, data["x_title"]),
+        "closest": closest_places(run),
+        "data": script_json(data),
     }
     return render_template("run.html.j2", context | {"script": _own("page.js"), "plotly": _plotly()})
 

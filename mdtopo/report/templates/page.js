@@ -138,6 +138,59 @@ function intervalPlot(element) {
       annotations: [{ x: Math.log10(d.spacing), yref: "paper", y: 0.04, yanchor: "bottom", xanchor: "left", text: "this run", showarrow: false }] }, CONFIG);
 }
 
+function heatPlot(element) {
+  const d = data.heat, x = unpack(d.x, Float64Array), y = unpack(d.y, Int32Array), values = unpack(d.clearance, Float32Array);
+  const steps = unpack(d.step, Int32Array), offsets = unpack(d.offset, Uint16Array), rows = y.length - 1, columns = x.length - 1;
+  const strip = { clearance: unpack(d.strip.clearance, Float32Array), step: unpack(d.strip.step, Int32Array), vertex: unpack(d.strip.vertex, Int32Array) };
+  const name = (v) => plain(d.labels[v] || `vertex ${v}`);
+  const owner = (v) => { let k = 0; while (k + 2 < d.offsets.length && d.offsets[k + 1] <= v) k += 1; return d.strands.length ? ` of ${plain(d.strands[k])}` : ""; };
+  const said = (value, v, step) => `${name(v)}${owner(v)}<br>${value.toPrecision(4)} Å${value === 0 ? ": a crossing, or not proved" : ""}, step ${step}`;
+  const z = [], crossed = [], text = [];
+  let most = 0;
+  for (let r = 0; r < rows; r += 1) {
+    const line = [], zero = [], words = [];
+    for (let c = 0; c < columns; c += 1) {
+      const k = r * columns + c, v = values[k], known = !isNaN(v);
+      line.push(known ? v : null); zero.push(v === 0 ? 0 : null);
+      words.push(known ? said(v, y[r] + offsets[k], steps[k]) : "not measured, or no pair");
+      if (v > most) most = v;
+    }
+    z.push(line); crossed.push(zero); text.push(words);
+  }
+  const edges = Array.from(y, (v) => v - 0.5), middles = edges.slice(1).map((v, r) => (v + edges[r]) / 2), all = [...strip.clearance.keys()];
+  const NEAR_FAR = ["#081d58", "#253494", "#225ea8", "#1d91c0", "#41b6c4", "#7fcdbb", "#c7e9b4", "#edf8b1", "#ffffd9"]; // ColorBrewer's YlGnBu
+  const common = { type: "heatmap", x: Array.from(x), y: edges, text, hovertemplate: "%{text}<extra></extra>", hoverongaps: true };
+  const known = all.filter((r) => strip.vertex[r] >= 0), hit = known.filter((r) => strip.clearance[r] === 0);
+  const words = (r) => said(strip.clearance[r], strip.vertex[r], strip.step[r]);
+  const n = y[rows], ends = element.parentElement.clientWidth < 640 ? [0, 0.62, 0.86] : [0, 0.765, 0.87];
+  const traces = [
+    { ...common, z, zmin: 0, zmax: most || 1, colorscale: NEAR_FAR.map((c, k) => [k / 8, c]),
+      colorbar: { title: { text: "clearance (Å)", side: "right" }, thickness: 12, x: ends[1] + 0.01, xanchor: "left", outlinewidth: 0 } },
+    { ...common, z: crossed, zmin: 0, zmax: 1, colorscale: [[0, "#D55E00"], [1, "#D55E00"]], showscale: false, hoverongaps: false },
+    { type: "scatter", mode: "lines", xaxis: "x2", x: all.map((r) => (strip.vertex[r] < 0 ? null : strip.clearance[r])), y: middles, line: { color: "#0072B2", width: 1.2 },
+      fill: "tozerox", fillcolor: "#0072B222", text: all.map((r) => (strip.vertex[r] < 0 ? "" : words(r))), hovertemplate: "%{text}<extra>least of the run</extra>" },
+    { type: "scatter", mode: "markers", xaxis: "x2", x: hit.map(() => 0), y: hit.map((r) => middles[r]), marker: { symbol: "x", size: 6, color: "#D55E00" }, cliponaxis: false,
+      text: hit.map(words), hovertemplate: "%{text}<extra>least of the run</extra>" },
+  ];
+  const lines = ["x domain", "x2 domain"].flatMap((axis) => d.offsets.slice(1, -1).map((v) => (
+    { type: "line", xref: axis, x0: 0, x1: 1, yref: "y", y0: v - 0.5, y1: v - 0.5, line: { color: "#1d2430", width: 0.7 } })));
+  // what no cell covers is grey, and the strip beside the map is not
+  lines.push({ type: "rect", xref: "x domain", yref: "y domain", x0: 0, x1: 1, y0: 0, y1: 1, layer: "below", fillcolor: "#d4d7dc", line: { width: 0 } });
+  // names where they have room, else numbers of vertices
+  const short = (s) => plain(String(s).length > 14 ? String(s).slice(0, 13) + "…" : s);
+  const even = Array.from({ length: Math.min(n, 12) }, (_, k) => Math.round((k * (n - 1)) / Math.max(1, Math.min(n, 12) - 1)));
+  const ticks = d.strands.length > 1 && d.strands.length <= 24
+    ? { tickvals: d.strands.map((_, k) => (d.offsets[k] + d.offsets[k + 1] - 1) / 2), ticktext: d.strands.map(short) }
+    : { tickvals: even, ticktext: even.map((v) => short(d.labels[v] || v)) };
+  element.hidden = false;
+  Plotly.newPlot(element, traces, { font: FONT, margin: { l: 110, r: 16, t: 36, b: 48 }, showlegend: false, shapes: lines, hovermode: "closest", dragmode: "zoom",
+    paper_bgcolor: "#fff", plot_bgcolor: "#fff",
+    xaxis: { title: { text: data.x_title }, domain: ends.slice(0, 2), showgrid: false, zeroline: false },
+    yaxis: { range: [n - 0.5, -0.5], showgrid: false, zeroline: false, ...ticks },
+    xaxis2: { title: { text: ends[2] < 0.87 ? "least" : "least (Å)" }, domain: [ends[2], 1], range: [0, 1.05 * (most || 1)], nticks: 4, zeroline: false, showgrid: false } }, CONFIG);
+  for (const picture of element.parentElement.querySelectorAll(".stand-in")) picture.hidden = true;
+}
+
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const clamp = (v) => Math.min(1, Math.max(0, v));
@@ -240,6 +293,7 @@ function closeView(view) {
 
 const first = (id, draw) => { const element = document.getElementById(id); if (element) draw(element); };
 first("time-plot", timePlot);
+if (data.heat) first("heat-plot", heatPlot);
 if (data.interval) first("interval-plot", intervalPlot);
 for (const view of document.querySelectorAll(".view")) {
   const button = view.querySelector(".open3d");

@@ -102,7 +102,8 @@ def test_every_figure_is_the_results_files(make: Callable[..., Path]) -> None:
         np.testing.assert_array_equal(unpacked(series["least"], "<f8"), column)
         np.testing.assert_array_equal(unpacked(series["greatest"], "<f8"), column)
     known = np.concatenate([column.ravel().astype(float) for column in found.steps.values()])
-    known = np.append(known, found.config["coordinate_error"] or 0.0)
+    assert found.profile is not None
+    known = np.concatenate([known, found.profile.clearance.ravel(), [found.config["coordinate_error"] or 0.0]])
     for value in page.values:
         assert np.isclose(known, value, rtol=1e-15, atol=0.0).any(), value
     assert {alert.message for alert in found.alerts} == {marker["text"] for marker in data["alerts"]}
@@ -323,6 +324,9 @@ def test_in_a_browser(make: Callable[..., Path], tmp_path: Path) -> None:
         assert page.requests() == []
         assert "owned" not in page.run("return document.title")
         assert page.run("return document.querySelectorAll('#time-plot .scatterlayer .trace').length") >= 2
+        assert page.run("return document.querySelectorAll('#heat-plot .heatmaplayer .hm').length") == 2
+        assert page.run("return document.querySelector('#heat .stand-in').hidden")
+        assert page.run("return document.querySelector('#heat-plot').data[0].z[4]") == [0.0]
         assert "distance 0.0000" in page.run("return document.querySelector('.controls output').textContent")
         page.run(
             "const s = document.querySelector('.controls input'); s.value = 1; s.oninput();"
@@ -350,6 +354,21 @@ def test_without_webgl_the_picture_stands_in(make: Callable[..., Path], tmp_path
         assert page.run("return document.querySelector('.still').getBoundingClientRect().width") > 300
         assert page.run("return document.querySelector('.stage').hidden")
         assert page.errors() == []
+
+
+@needs_browser
+def test_without_a_script_the_heat_map_is_a_picture(make: Callable[..., Path], tmp_path: Path) -> None:
+    results = make()
+    write_report(results, results.with_suffix(".html"))
+    page_file = tmp_path / "no-script.html"
+    whole = results.with_suffix(".html").read_text()
+    page_file.write_text(
+        re.sub(r"<script>.*</script>", "<script>document.documentElement.dataset.ready = 1</script>", whole, flags=re.S)
+    )
+    with browser.browser(tmp_path / "profile") as page:
+        page.open(page_file)
+        assert page.run("return document.querySelector('#heat .stand-in').getBoundingClientRect().width") > 300
+        assert page.run("return document.querySelector('#heat-plot').hidden")
 
 
 def test_strands_of_an_array_in_memory(tmp_path: Path) -> None:
