@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mdtopo.curvealerts import curve_findings
 from mdtopo.records import (
     Alert,
     AlertKind,
@@ -23,6 +24,7 @@ from mdtopo.records import (
     Reason,
     Rung,
     Severity,
+    Shape,
     StepCounts,
     StepTable,
     Strands,
@@ -55,7 +57,10 @@ UNDECIDED = {
 }
 
 ONCE = (AlertKind.FRACTURE, AlertKind.CROSSING)
-"""What happens at one step and never goes on."""
+"""What happens at one step and never goes on; but steps in which the curve alone passes are merged as others are."""
+
+CURVE_KEY = "curve"
+"""How the id of an alert about the smooth curve ends."""
 
 ONSET = "-onset"
 """How the id ends of what is said when an event begins."""
@@ -71,7 +76,7 @@ CRITERIA = {"pair": "pair ratio", "nu": "2m/ν", "clearance": "clearance"}
 class Finding:
     """One step's contribution to an event: `badness` orders the steps of an event, the greatest is its peak.
 
-    `severity` stands where the kind alone does not say it.
+    `severity` stands where the kind alone does not say it; `object` is what it is about.
     """
 
     kind: AlertKind
@@ -85,6 +90,7 @@ class Finding:
     limit: float | None
     detail: str
     severity: Severity | None = None
+    object: Shape = Shape.POLYLINE
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,9 +113,9 @@ def near_limit_values(table: StepTable, config: MonitorConfig) -> tuple[Ratios, 
     return values, meets_limit(values, config)
 
 
-def said_at(kind: AlertKind, step_end: int, merge_steps: int) -> int:
+def said_at(kind: AlertKind, about: Shape, step_end: int, merge_steps: int) -> int:
     """Return the step with which an event is over: one quiet step too many; what happens once is over at once."""
-    return step_end if kind in ONCE else step_end + merge_steps + 1
+    return step_end if kind in ONCE and about is Shape.POLYLINE else step_end + merge_steps + 1
 
 
 def alert_order(alert: Alert, merge_steps: int) -> tuple[int, str]:
@@ -119,7 +125,9 @@ def alert_order(alert: Alert, merge_steps: int) -> tuple[int, str]:
     """
     if alert.kind is AlertKind.GAP:
         return -1, ""
-    due = alert.step_start if alert.id.endswith(ONSET) else said_at(alert.kind, alert.step_end, merge_steps)
+    due = (
+        alert.step_start if alert.id.endswith(ONSET) else said_at(alert.kind, alert.object, alert.step_end, merge_steps)
+    )
     return due, alert.id
 
 
@@ -197,7 +205,7 @@ class AlertStream:
         yield from _in_order(closed)
 
     def _ends_at(self, event: Event) -> int:
-        return said_at(event.first.kind, event.last.step, self._config.merge_steps)
+        return said_at(event.first.kind, event.first.object, event.last.step, self._config.merge_steps)
 
     def _onset(self, finding: Finding) -> Alert:
         """Return what is said when an event begins, before anyone knows how it ends."""
@@ -214,6 +222,7 @@ class AlertStream:
         yield from self._stretched(table)
         for edge in table.broken:
             yield self._broken(table, edge)
+        yield from self._of_curve(table)
 
     def _near_limit(self, table: StepTable) -> Iterator[Finding]:
         criterion, limit = self._config.criterion, self._config.near_limit
@@ -247,6 +256,13 @@ class AlertStream:
                 crossing.resolution, crossing_in_words(crossing, spacing),
             )  # fmt: skip
             yield replace(finding, severity=CROSSING_SEVERITY[crossing.grade])
+
+    def _of_curve(self, table: StepTable) -> Iterator[Finding]:
+        for f in curve_findings(table, self._strands):
+            finding = self._finding(
+                table, f.row, f.kind, CURVE_KEY, f.vertices, f.badness, f.value, f.limit, f.detail
+            )  # fmt: skip
+            yield replace(finding, severity=Severity.WARNING, object=Shape.CURVE)
 
     def _jumped(self, table: StepTable) -> Iterator[Finding]:
         for row in np.flatnonzero(table.image_jumps > 0):
@@ -354,6 +370,7 @@ class AlertStream:
             value=peak.value,
             limit=peak.limit,
             message="",
+            object=peak.object,
         )
         return replace(alert, message=f"{_when(event)}{peak.detail}.")
 

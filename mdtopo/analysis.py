@@ -16,6 +16,7 @@ from MDAnalysis.analysis.results import Results, ResultsGroup
 
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
+from mdtopo.curverows import refuse_long_strands
 from mdtopo.measure import measure_block
 from mdtopo.notebook import plot_steps, steps_dataframe
 from mdtopo.pipeline import Tally, block_of, refuse_winding, with_coordinate_error
@@ -114,6 +115,7 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         self._config = with_coordinate_error(config or MonitorConfig(), self._reader)
         first = list(self._reader.frames(0, self._config.reference_frames))
         refuse_winding(first[0], self._reader.strands)
+        refuse_long_strands(self._reader.strands, self._config.curve)
         self._periodic = first[0].cell is not None
         reference = reference_lengths(reference_samples(first, self._reader.strands))
         self._start = Setting.start(self._reader.strands, self._config, reference)

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from mdtopo.alerts import UNDECIDED, crossing_in_words
+from mdtopo.curvestory import CURVE_REASONS, curve_story
 from mdtopo.errors import InputError
-from mdtopo.records import Alert, Crossing, Grade, MonitorConfig, PairClass, Reason, Rung, Scope, Shape, Verdict
+from mdtopo.records import Alert, Crossing, Grade, MonitorConfig, PairClass, Reason, Rung, Scope, Verdict
 from mdtopo.store import Results
 
 VERDICTS = {
@@ -41,6 +42,7 @@ REASONS = {
     Reason.BAD_DATA: "one of the two frames cannot be used",
     Reason.CELL: "the periodic cell changes too much within the step to count images",
     Reason.IMAGE_JUMP: "an edge of about half a cell jumps by a lattice vector; nobody can tell which image it joins",
+    Reason.FOLD: CURVE_REASONS[Reason.FOLD],
     **UNDECIDED,
 }
 
@@ -123,7 +125,7 @@ class _Story:
         parts += [
             ("Crossings", self._crossings()),
             (title, self._cure()),
-            ("The smooth curve", self._curve()),
+            ("The smooth curve", curve_story(self.results, self.step, self.row, self.config.curve)),
             ("Alerts that touch the step", self._alerts()),
         ]
         for title, sentences in parts:
@@ -214,8 +216,7 @@ class _Story:
             yield from self._crossing(crossing)
 
     def _crossing(self, crossing: Crossing) -> Iterator[str]:
-        curve = "of the curve: " if crossing.object is Shape.CURVE else ""
-        yield f"{curve}{crossing_in_words(crossing, self.spacing)}."
+        yield f"{crossing_in_words(crossing, self.spacing)}."
         s, r = (float(x) for x in crossing.parameters)
         x, y, z = (float(v) for v in crossing.point)
         time = float(self.row["time_t0"]) + crossing.t * self.spacing
@@ -253,20 +254,6 @@ class _Story:
             yield "Of a resolved crossing little is open: its edges move less than the resolution length (convention)."
         if any(crossing.grade is Grade.PROVEN for crossing in found):
             yield "Of a proven crossing nothing is open: every path between the two frames passes."
-
-    def _curve(self) -> Iterator[str]:
-        described = {
-            "curve_d_star": "least distance d* of its control-point differences from zero, Å",
-            "curve_bezier_ratio": "the paper's comparison for curves, limit 1",
-            "curve_bezier_margin": "its margin, Å",
-            "curve_clearance": "proved clearance, Å",
-            "curve_depth": "depth of subdivision",
-        }
-        if "curve_verdict" in self.row and int(self.row["curve_verdict"]) in list(Verdict):
-            yield f"The curve is {Verdict(int(self.row['curve_verdict'])).name}."
-        for name, words in described.items():
-            if name in self.row and not np.isnan(self.row[name]):
-                yield f"{words}: {self.row[name]:.4g}."
 
     def _alerts(self) -> Iterator[str]:
         for alert in self.results.alerts:

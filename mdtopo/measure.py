@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from mdtopo.audit import changed_invariants
-from mdtopo.blocks import OPEN, Columns, covariances, empty_columns, measure_steps, motion_of
+from mdtopo.blocks import OPEN, Columns, covariances, empty_columns, measure_steps
+from mdtopo.curverows import CurveRows
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
-from mdtopo.passages import StepData, crossing_table, decide_exactly
+from mdtopo.passages import crossing_table, decide_exactly, step_data
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.profiles import part_profile
 from mdtopo.records import (
@@ -25,7 +26,7 @@ from mdtopo.records import (
     Verdict,
 )
 from mdtopo.spheres import PLACING_ERROR
-from mdtopo.typing import Cell, Codes, Flags, Indices, Lengths, PointSeries, Ratios
+from mdtopo.typing import Codes, Flags, Indices, Lengths, PointSeries, Ratios
 
 IDENTITY = np.eye(3)
 
@@ -67,9 +68,10 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     ---------
     Proven: a step whose verdict is CERTIFIED has no two edges, of those that are left, that meet during the linear
     motion between its two frames, in any periodic image; a step whose verdict is CROSSING has each crossing that is
-    listed. Steps that hold an unusable frame are UNRESOLVED.
+    listed. Steps that hold an unusable frame are UNRESOLVED. The same holds of the smooth curve, for ``curve_verdict``.
     """
     columns = empty_columns(plan.block.n_steps)
+    curve = CurveRows.empty(plan.block.n_steps, config.curve)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
     reasons = np.full(len(bad), NONE, dtype=np.int8)
     crossings: list[Crossings] = []
@@ -78,8 +80,9 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
         measurable, rows = ~bad[part.steps], columns.part(part.steps)
         rotations = _rotations(plan, part, measurable, config)
         crossings += _measure_part(plan, part, measurable, rotations, strands, config, rows, reasons)
+        curve.measure(plan, part, rows, rotations, strands, config)
         profiles.append(part_profile(plan, part, rows, _least_clearance(rows)[0], rotations, config))
-    table = _table(plan, columns, bad, reasons, Crossings.joined(crossings), strands, config)
+    table = _table(plan, columns, curve, bad, reasons, Crossings.joined(crossings), strands, config)
     return replace(table, profile=Profile.joined(profiles))
 
 
@@ -128,7 +131,7 @@ def _measure_part(
     audited = has_found | config.audit if t.closed.any() else has_found
     for k in np.flatnonzero(audited & (rows.rung >= 0) & ~np.isnan(rows.displacement)):
         of_step = found.rows(starts[k], starts[k + 1])
-        step = _step_data(plan, part, int(k), rotations[k], rigid)
+        step = step_data(plan, part, int(k), rotations[k], rigid)
         decided = decide_exactly(of_step, step, t.edges)
         rows.settle(int(k), len(of_step.undecided), len(decided.open_pairs))
         reasons[part.steps][k] = decided.reason
@@ -139,18 +142,10 @@ def _measure_part(
             yield crossing_table(decided, step, t, changed, number, frames, strands, config.resolution_length)
 
 
-def _step_data(plan: BlockPlan, part: Stretch, k: int, rotation: Cell, rigid: bool) -> StepData:
-    """Return step k of a part as the ladder has seen it, and as the frames hold it."""
-    frames, block, row = part.frames, plan.block, part.steps.start + k
-    t = part.traces
-    motion = motion_of(frames, k, block.cells is not None, rigid, rotation, t.vertices, t.offsets)
-    cells = None if block.cells is None else (block.cells[row], block.cells[row + 1])
-    return StepData(motion, (block.positions[row], block.positions[row + 1]), cells, rigid)
-
-
 def _table(
     plan: BlockPlan,
     columns: Columns,
+    curve: CurveRows,
     bad: Flags,
     reasons: Codes,
     crossings: Crossings,
@@ -205,6 +200,7 @@ def _table(
         rung=columns.rung.astype(np.int8),
         reason=reason,
         rung_pairs=columns.rung_pairs,
+        **curve.values(block.first_step, reason),
     )
 
 

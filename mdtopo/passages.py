@@ -12,10 +12,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mdtopo.blocks import motion_of
 from mdtopo.contacts import Found, passage_row
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.lattice import Counts
 from mdtopo.geometry.rational import FREE, PASSAGE, ExactCorners, exact_passages
+from mdtopo.planning import BlockPlan, Stretch
 from mdtopo.records import Crossings, Grade, Reason, Shape, Strands, Traces
 from mdtopo.typing import Cell, Indices, Points
 
@@ -58,6 +60,15 @@ class StepData(NamedTuple):
     stored: tuple[Points, Points]
     cells: tuple[Cell, Cell] | None
     rigid: bool
+
+
+def step_data(plan: BlockPlan, part: Stretch, k: int, rotation: Cell, rigid: bool) -> StepData:
+    """Return step k of a part as the ladder has seen it, and as the frames hold it."""
+    frames, block, row = part.frames, plan.block, part.steps.start + k
+    t = part.traces
+    motion = motion_of(frames, k, block.cells is not None, rigid, rotation, t.vertices, t.offsets)
+    cells = None if block.cells is None else (block.cells[row], block.cells[row + 1])
+    return StepData(motion, (block.positions[row], block.positions[row + 1]), cells, rigid)
 
 
 class Decided(NamedTuple):
@@ -147,6 +158,7 @@ def crossing_table(
     frames: Indices,
     strands: Strands,
     resolution: float | None,
+    shape: Shape = Shape.POLYLINE,
 ) -> Crossings:
     """Return the crossings of one step, in order of time.
 
@@ -164,6 +176,8 @@ def crossing_table(
     strands : Strands
     resolution : float or None
         Resolution length, Å; by default the length of the shorter edge.
+    shape : Shape
+        What has crossed.
     """
     edges, rows = traces.edges, decided.passages
     tails = edges[:, 0][rows[:, :2].astype(np.int64)]
@@ -188,7 +202,7 @@ def crossing_table(
         sign=rows[:, 11].astype(np.int64),
         image=image,
         grade=grade,
-        object=np.full(len(rows), POLYLINE, dtype=np.int8),
+        object=np.full(len(rows), int(shape), dtype=np.int8),
         motion=rows[:, 12].copy(),
         resolution=length,
     )

@@ -59,5 +59,6 @@ def _tables(results: Results, config: MonitorConfig) -> Iterator[StepTable]:
             broken=(),
             problems=("",) * n,
             crossings=Crossings.none(),
+            curve_crossings=Crossings.none(),
             **columns,
         )

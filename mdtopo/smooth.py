@@ -11,6 +11,7 @@ from mdtopo.geometry.splines import (
     BSPLINE,
     CATMULL_ROM,
     CONTROL_ERROR,
+    HIGHEST_DEGREE,
     INTERPOLATING,
     interpolation_weights,
     spline_controls,
@@ -21,9 +22,6 @@ from mdtopo.typing import Points
 CurveKind: TypeAlias = Literal["interpolating", "bspline", "catmull-rom", "bezier", "bezier-through"]
 
 CUBICS = {"interpolating": INTERPOLATING, "bspline": BSPLINE, "catmull-rom": CATMULL_ROM}
-
-HIGHEST_DEGREE = 200
-"""Of one Bezier curve on all vertices: such curves stay ever further from their vertices, and cost n² each time."""
 
 HIGHEST_THROUGH = 20
 """Of one Bezier curve through all vertices: its weights grow like 2ⁿ, and with them the error of a vertex."""

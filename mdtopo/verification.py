@@ -8,7 +8,7 @@ import numpy as np
 
 from mdtopo.errors import InputError
 from mdtopo.readers import Reader
-from mdtopo.records import Crossing, Frame, MonitorConfig, Rung, Verdict
+from mdtopo.records import Crossing, Crossings, Frame, MonitorConfig, Rung, Verdict
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
 from mdtopo.reopening import frames_at, input_files, open_again
 from mdtopo.store import Results, read_so_far
@@ -177,10 +177,9 @@ def chosen_steps(results: Path, found: Results, sampling: Sampling) -> tuple[dic
 def file_differences(found: Results) -> Iterator[str]:
     """Yield where a results file contradicts itself."""
     steps = found.steps
-    counted = np.bincount(found.crossings.step - found.first_step, minlength=len(steps["verdict"]))
-    for row in np.flatnonzero(counted != steps["n_crossings"]):
-        listed = f"{counted[row]} {'is' if counted[row] == 1 else 'are'} listed"
-        yield f"step {found.first_step + row} is said to have {steps['n_crossings'][row]} crossings, and {listed}"
+    yield from _uncounted(found, found.crossings, "n_crossings", "crossings")
+    if "curve_n_crossings" in steps:
+        yield from _uncounted(found, found.curve_crossings, "curve_n_crossings", "crossings of the curve")
     counts = found.summary.get("counts")
     if not counts:  # a run that did not come to its end has none
         return
@@ -189,6 +188,15 @@ def file_differences(found: Results) -> Iterator[str]:
         rows = int((steps["verdict"] == verdict).sum())
         if number != rows:
             yield f"the summary counts {number} steps that are {Verdict(verdict).name}, and the steps are {rows}"
+
+
+def _uncounted(found: Results, crossings: Crossings, column: str, what: str) -> Iterator[str]:
+    """Yield the steps whose number of crossings is not that of the list."""
+    said = found.steps[column]
+    counted = np.bincount(crossings.step - found.first_step, minlength=len(said))
+    for row in np.flatnonzero(counted != said):
+        listed = f"{counted[row]} {'is' if counted[row] == 1 else 'are'} listed"
+        yield f"step {found.first_step + row} is said to have {said[row]} {what}, and {listed}"
 
 
 def _checks(found: Results, reader: Reader, chosen: dict[int, str]) -> Iterator[StepCheck]:

@@ -15,6 +15,7 @@ from mdtopo.cli.resultsfile import add_results_command, say_if_unfinished
 from mdtopo.errors import InputError, OptionError
 from mdtopo.records.alerts import Alert, AlertKind, Severity
 from mdtopo.records.config import MonitorConfig
+from mdtopo.records.crossings import Shape
 
 if TYPE_CHECKING:
     from mdtopo.records import Strands
@@ -58,6 +59,10 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         metavar="NAME",
         action="append",
         help="alerts that concern this strand at their worst step; can be repeated",
+    )
+    shapes = [shape.name.lower() for shape in Shape]
+    group.add_argument(
+        "--object", choices=shapes, help="alerts about the polyline (and all that concerns both), or the curve alone"
     )
     group.add_argument(
         "--frames",
@@ -153,6 +158,8 @@ def _filters(arguments: argparse.Namespace) -> list[Callable[[Alert], bool]]:
     if arguments.severity is not None:
         least = Severity[arguments.severity.upper()]
         filters.append(lambda alert: alert.severity >= least)
+    if arguments.object is not None:
+        filters.append(lambda alert: alert.object.name.lower() == arguments.object)
     if arguments.strand is not None:
         filters.append(lambda alert: not set(alert.strands).isdisjoint(arguments.strand))
     if arguments.frames is not None:

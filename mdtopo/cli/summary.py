@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from mdtopo.cli.exits import write_log
-from mdtopo.records import MonitorConfig, RunSummary, Severity
+from mdtopo.records import CurveCounts, MonitorConfig, RunSummary, Severity
 from mdtopo.records.headline import headline, state_meanings
 
 
@@ -50,6 +50,8 @@ def summary_text(
     """
     lines = [headline(summary), "", *_count_lines(summary, config), ""]
     rows = [("closest pair", _closest(summary, closest)), ("alerts", _alerts(summary, alerts_at))]
+    if summary.curve is not None:
+        rows.insert(1, ("smooth curve", _curve(summary.curve, config)))
     if results_at:
         note = " (incomplete)" if summary.stopped else ""
         rows.append(("results", f"{results_at}{note}"))
@@ -74,6 +76,14 @@ def _closest(summary: RunSummary, closest: str) -> str:
     if summary.clearance == 0.0:
         return f"proved never to meet, too close to say how far apart (step {summary.clearance_step}{pair})"
     return f"proved to stay at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{pair})"
+
+
+def _curve(counts: CurveCounts, config: MonitorConfig) -> str:
+    found = [f"{counts.certified} steps proved"] + [f"{counts.unresolved} unresolved"] * bool(counts.unresolved)
+    if counts.crossed:
+        grades = [f"{n} {grade.name.lower()}" for grade, n in sorted(counts.crossings.items(), reverse=True) if n]
+        found.append(f"{counts.crossed} crossed ({', '.join(grades)})")
+    return f"{config.curve}: {', '.join(found)}"
 
 
 def _alerts(summary: RunSummary, alerts_at: str) -> str:

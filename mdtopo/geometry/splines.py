@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mdtopo.geometry.bezier import elevate, part
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +33,12 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 INTERPOLATING, BSPLINE, CATMULL_ROM = 0, 1, 2
+
+RING_PARTS = 4
+"""A ring that is one segment is cut into so many, so that two of them share one joint at most."""
+
+HIGHEST_DEGREE = 200
+"""Of one Bezier curve on all vertices: such curves stay ever further from their vertices, and cost n² each time."""
 
 CONTROL_ERROR = 512.0 * UNIT_ROUNDOFF
 """Rounding of a computed control point, as a multiple of the greatest coordinate of its strand.
@@ -157,6 +164,51 @@ def _write_segments(x: FloatArray, slopes: FloatArray, n: int, n_edges: int, kin
         if not closed:
             for axis in range(3):
                 out[0, 0, axis], out[n_edges - 1, 3, axis] = x[0, axis], x[n - 1, axis]
+
+
+@njit(cache=True, nogil=True)
+def single_controls(x: FloatArray, vertices: IntArray, offsets: IntArray, closed: BoolArray, out: FloatArray) -> None:
+    """Write the control points of one Bezier curve for each trace, its vertices being the control points.
+
+    Parameters
+    ----------
+    x, vertices, offsets, closed : ndarray
+        See `spline_controls`.
+    out : ndarray, shape (n_segments, degree + 1, 3)
+        Filled trace by trace: one segment, or of a ring `RING_PARTS`; none for a trace of one vertex. The degree is at
+        least that of the longest trace, and the others are elevated to it. Neighbours share their joint bit for bit.
+    """
+    degree, k = out.shape[1] - 1, 0
+    for g in range(len(closed)):
+        n = offsets[g + 1] - offsets[g]
+        if n < 2:
+            continue
+        points = np.empty((n + 1 if closed[g] else n, 3))
+        for i in range(len(points)):
+            points[i] = x[vertices[offsets[g] + (i if i < n else 0)]]
+        raised = elevate(points, degree)
+        if not closed[g]:
+            out[k] = raised
+            k += 1
+            continue
+        for p in range(RING_PARTS):
+            out[k + p] = part(raised, p / RING_PARTS, (p + 1) / RING_PARTS)
+            if p > 0:
+                out[k + p, 0] = out[k + p - 1, degree]
+        out[k, 0] = out[k + RING_PARTS - 1, degree]
+        k += RING_PARTS
+
+
+def single_error(lengths: IntArray, closed: BoolArray) -> float:
+    """Return the rounding of `single_controls`, as a multiple of the greatest coordinate.
+
+    Each elevation is a convex combination, rounded a few times; cutting a ring averages `degree` times, twice.
+    """
+    points = (lengths + closed)[lengths > 1]
+    if not len(points):
+        return 0.0
+    elevations, degree = int(points.max() - points.min()), int(points.max()) - 1
+    return UNIT_ROUNDOFF * (8.0 * elevations + (16.0 * (degree + 2) if closed.any() else 0.0))
 
 
 @cache

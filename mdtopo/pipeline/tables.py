@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mdtopo.bonds import BondState, reference_lengths
+from mdtopo.curverows import refuse_long_strands
 from mdtopo.errors import InputError, TrajectoryError
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import measure_plan
@@ -159,7 +160,7 @@ def measured_blocks(
     Raises
     ------
     StrandError
-        If a ring closes through the periodic boundary in the first frame.
+        If a ring closes through the periodic boundary in the first frame, or a strand is too long for its curve.
     TrajectoryError
         When a frame cannot be read; the steps before it have been yielded by then.
     """
@@ -174,6 +175,7 @@ def measured_blocks(
     if on_reference is not None:
         on_reference(reference)
     refuse_winding(first[0], reader.strands)
+    refuse_long_strands(reader.strands, config.curve)
     setting = Setting.start(reader.strands, config, reference)
     known = bonds if restart is None else restart.bonds
     if known is not None:

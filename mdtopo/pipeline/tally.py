@@ -8,6 +8,7 @@ import numpy as np
 
 from mdtopo.alerts import count_steps
 from mdtopo.records import (
+    CurveCounts,
     Grade,
     MonitorConfig,
     RunSummary,
@@ -41,6 +42,7 @@ class Tally:
     alerts: Counter[Severity] = field(default_factory=Counter)
     clearance: tuple[float, int] = (np.nan, -1)
     ratio: tuple[float, int] = (np.nan, -1)
+    curve: CurveCounts = field(default_factory=CurveCounts)
 
     def add(self, table: StepTable) -> None:
         """Count the steps of a table."""
@@ -49,6 +51,9 @@ class Tally:
         self.n_fractures += len(table.broken)
         proved = np.where(table.verdict == Verdict.CERTIFIED, table.clearance, np.nan)
         self.clearance = _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
+        self.curve += CurveCounts.of(
+            table.curve_verdict, table.curve_depth, table.curve_clearance, table.curve_crossings, table.first_step
+        )
         self.ratio = _extreme(self.ratio, table.pair_ratio, table.first_step, sign=1.0)
 
     def summary(self, results: Path | None, stopped: str) -> RunSummary:
@@ -60,7 +65,16 @@ class Tally:
         alerts = {severity: self.alerts[severity] for severity in Severity}
         crossings = {grade: self.crossings[grade] for grade in Grade}
         return RunSummary(
-            verdict, self.counts, crossings, self.n_fractures, alerts, *self.clearance, *self.ratio, results, stopped
+            verdict,
+            self.counts,
+            crossings,
+            self.n_fractures,
+            alerts,
+            *self.clearance,
+            *self.ratio,
+            results,
+            stopped,
+            curve=None if self.config.curve == "none" else self.curve,
         )
 
 

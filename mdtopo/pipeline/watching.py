@@ -8,6 +8,7 @@ from typing import Any
 
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
+from mdtopo.curverows import refuse_long_strands
 from mdtopo.errors import TrajectoryError
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import measure_block
@@ -142,6 +143,7 @@ class _Watched:
         announce_compilation()
         first = self._frames[: self.config.reference_frames]
         refuse_winding(first[0], strands)
+        refuse_long_strands(strands, self.config.curve)
         self._periodic = first[0].cell is not None
         self._stream = AlertStream(strands, self.config)
         self._say(self._stream.opening())

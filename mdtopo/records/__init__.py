@@ -7,8 +7,9 @@ which strand and is constant over a run; `MonitorConfig` holds every knob.
 from mdtopo.records.alerts import Alert, AlertKind, Severity
 from mdtopo.records.approximation import Approximation, Isotopy
 from mdtopo.records.beziers import CompositeBezier
-from mdtopo.records.config import Criterion, MonitorConfig, Motion
+from mdtopo.records.config import Criterion, CurveChoice, MonitorConfig, Motion
 from mdtopo.records.crossings import Crossing, Crossings, Grade, Shape
+from mdtopo.records.curvecounts import CurveCounts
 from mdtopo.records.curvesteps import CurveCrossing, CurvePlace, CurveReport
 from mdtopo.records.frames import Frame, FrameBlock
 from mdtopo.records.parametric import ParametricCurve
@@ -17,6 +18,7 @@ from mdtopo.records.reference import ReferenceLengths
 from mdtopo.records.steps import (
     BrokenEdge,
     Column,
+    CurveVerdict,
     PairClass,
     Reason,
     Rung,
@@ -41,9 +43,12 @@ __all__ = [
     "Criterion",
     "Crossing",
     "Crossings",
+    "CurveChoice",
+    "CurveCounts",
     "CurveCrossing",
     "CurvePlace",
     "CurveReport",
+    "CurveVerdict",
     "Frame",
     "FrameBlock",
     "Gap",

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Any
 
+from mdtopo.records.crossings import Shape
+
 SCHEMA = "mdtopo.alert/1"
 
 
@@ -52,6 +54,8 @@ class Alert:
         The worst value and the limit that it met; None where the kind has none.
     message : str
         The event in one sentence.
+    object : Shape
+        What it is about: the polyline (and all that concerns both), or the smooth curve alone.
     """
 
     id: str
@@ -69,9 +73,16 @@ class Alert:
     value: float | None
     limit: float | None
     message: str
+    object: Shape = Shape.POLYLINE
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the JSON object of this alert, schema ``mdtopo.alert/1``; NaN and infinity become null."""
         values = {name: getattr(self, name) for name in self.__slots__}
         plain = {name: None if isinstance(v, float) and not abs(v) < float("inf") else v for name, v in values.items()}
-        return {"schema": SCHEMA, **plain, "kind": self.kind.value, "severity": self.severity.name.lower()}
+        return {
+            "schema": SCHEMA,
+            **plain,
+            "kind": self.kind.value,
+            "severity": self.severity.name.lower(),
+            "object": self.object.name.lower(),
+        }

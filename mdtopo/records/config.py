@@ -8,6 +8,7 @@ from mdtopo.typing import JsonObject
 
 Motion: TypeAlias = Literal["rigid", "lab"]
 Criterion: TypeAlias = Literal["pair", "nu", "clearance"]
+CurveChoice: TypeAlias = Literal["interpolating", "bspline", "catmull-rom", "bezier", "none"]
 
 
 def _knob(default: Any, help_text: str, *, least: float | None = None) -> Any:
@@ -32,6 +33,11 @@ class MonitorConfig:
     motion: Motion = _knob(
         "rigid",
         "path that is certified: 'rigid' takes one common rigid motion out of each step, 'lab' takes none",
+    )
+    curve: CurveChoice = _knob(
+        "interpolating",
+        "smooth curve of the strands that is certified beside the polyline: 'interpolating' (C² cubic through the "
+        "vertices), 'bspline', 'catmull-rom', 'bezier' (one curve of degree n on the vertices of a strand) or 'none'",
     )
     audit: bool = _knob(
         False,
@@ -84,7 +90,7 @@ class MonitorConfig:
     block_steps: int = _knob(64, "steps that are read and measured together", least=1)
 
     def __post_init__(self) -> None:
-        for name, allowed in (("motion", Motion), ("criterion", Criterion)):
+        for name, allowed in (("motion", Motion), ("criterion", Criterion), ("curve", CurveChoice)):
             if getattr(self, name) not in get_args(allowed):
                 choices = ", ".join(get_args(allowed))
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of: {choices}.")

@@ -34,7 +34,9 @@ class Shape(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossing:
-    """One passage of one edge through another.
+    """One passage of one edge through another, or of one segment of the smooth curve through another.
+
+    A segment of the curve is named by the edge that it goes with, and its parameter is the curve's.
 
     Attributes
     ----------
@@ -83,6 +85,8 @@ class Crossing:
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossings(Sequence[Crossing]):
     """The crossings of consecutive steps, one row each, by step and time; a row as an object is a `Crossing`.
+
+    Those of the polyline and those of the curve are kept in two tables; a results file lists both in one.
 
     Attributes are columns, named like the fields of `Crossing`; `strands` names what the rows are about.
     """
@@ -141,6 +145,16 @@ class Crossings(Sequence[Crossing]):
     def rows(self, chosen: slice | NDArray[Any]) -> "Crossings":
         """Return some rows: a slice, a mask or indices."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in self.column_names()})
+
+    def of(self, shape: Shape) -> "Crossings":
+        """Return the rows of the polyline alone, or of the curve alone."""
+        chosen = self.object == shape
+        return self if chosen.all() else self.rows(chosen)
+
+    def and_then(self, later: "Crossings") -> "Crossings":
+        """Return the rows of two tables, sorted by step; within a step these come first."""
+        both = Crossings.joined([self, later])
+        return both.rows(np.argsort(both.step, kind="stable")) if len(self) and len(later) else both
 
     def of_step(self, step: int) -> "Crossings":
         """Return the rows of one step; rows are sorted by step."""

@@ -22,6 +22,15 @@ class Verdict(IntEnum):
     CROSSING = 2
 
 
+class CurveVerdict(IntEnum):
+    """The answer for one step of the smooth curve; NONE where no curve was looked at (``curve = "none"``)."""
+
+    NONE = -1
+    UNRESOLVED = 0
+    CERTIFIED = 1
+    CROSSING = 2
+
+
 class Rung(IntEnum):
     """The rule of the ladder that settled a pair or a step ; OPEN where none did."""
 
@@ -51,7 +60,8 @@ class Reason(IntEnum):
     LADDER: rounding hides the answer. BAD_DATA: a frame is unusable. CELL: images cannot be counted. TOUCH: two edges
     touch without passing. VERTEX: the contact is at a vertex. SLIDING: two edges touch while they are parallel or in
     one plane all the time. FRAME: two edges touch in a frame itself. IMAGE_JUMP: part of a strand jumps by a lattice
-    vector.
+    vector. Of the smooth curve alone, FOLD: halving does not end within one segment or at a joint, as at a cusp or a
+    fold; LADDER is said where it does not end for two segments that share no point.
     """
 
     NONE = 0
@@ -63,6 +73,7 @@ class Reason(IntEnum):
     SLIDING = 6
     FRAME = 7
     IMAGE_JUMP = 8
+    FOLD = 9
 
 
 class Scope(IntEnum):
@@ -149,6 +160,9 @@ class BrokenEdge:
 class StepTable:
     """The columns of consecutive steps, one array each; row i is step ``first_step + i``.
 
+    `crossings` are those of the polyline, which `verdict` and `n_crossings` are about; `curve_crossings` and the
+    columns ``curve_…`` are about the smooth curve.
+
     Field metadata hold the unit and the meaning of each column, as the results file does. Values of steps that could
     not be measured are NaN, and their indices -1. `profile` is what is kept of every vertex, by windows of steps.
     """
@@ -158,6 +172,7 @@ class StepTable:
     broken: tuple[BrokenEdge, ...]
     problems: tuple[str, ...]
     crossings: Crossings
+    curve_crossings: Crossings
 
     frame_t0: Indices = _column("", "frame index at the step's start", dtype=np.int64)
     frame_t1: Indices = _column("", "frame index at the step's end", dtype=np.int64)
@@ -219,6 +234,38 @@ class StepTable:
         shape=(len(Rung),),
         dtype=np.int64,
     )
+    curve_d_star: Lengths = _column(
+        "Å", "the paper's d* at the step's start: least distance of zero to the hull of a segment's differences"
+    )
+    curve_d_star_segment: Indices = _column(
+        "", "the segment of the curve that holds it, by its edge, shape (n, 2)", shape=(2,), dtype=np.int64
+    )
+    curve_bezier_ratio: Ratios = _column(
+        "",
+        "greatest motion of a difference of control points over d*: the paper's comparison in its sound form, limit 1",
+    )
+    curve_bezier_margin: Lengths = _column("Å", "least d* less that motion")
+    curve_printed_ratio: Ratios = _column(
+        "", "greatest motion of a control point over d*: the paper's Prop. 3.2 as printed, which proves below 1/2 only"
+    )
+    curve_clearance: Lengths = _column("Å", "proven lower bound on the distance of segments that share no point")
+    curve_clearance_pair: Indices = _column(
+        "",
+        "the segments that hold it, or of the first check that stayed open, by their edges, shape (n, 2, 2)",
+        shape=(2, 2),
+        dtype=np.int64,
+    )
+    curve_verdict: Codes = _column("", "the curve: CERTIFIED, CROSSING, UNRESOLVED or NONE", CurveVerdict)
+    curve_rung: Codes = _column("", "the costliest rung that a check of the curve needed", Rung)
+    curve_depth: Indices = _column(
+        "", "the most halvings that a check of the curve needed, 0 where hulls alone settle it", dtype=np.int64
+    )
+    curve_reason: Codes = _column("", "why the curve is UNRESOLVED", Reason)
+    curve_place: NDArray[np.float64] = _column(
+        "", "where halving gave up first: time, and parameters of the two segments, from and to, shape (n, 3, 2)",
+        shape=(3, 2),
+    )  # fmt: skip
+    curve_n_crossings: Indices = _column("", "crossings of the curve in the step", dtype=np.int64)
     profile: Profile = field(default_factory=Profile.none)
 
     def __len__(self) -> int:
@@ -229,7 +276,13 @@ class StepTable:
         """Return a table without rows."""
         numbers: dict[str, Any] = {c.name: np.empty((0, *c.shape), dtype=c.dtype) for c in cls.columns()}
         return cls(
-            first_step=0, stretches=Stretches.none(), broken=(), problems=(), crossings=Crossings.none(), **numbers
+            first_step=0,
+            stretches=Stretches.none(),
+            broken=(),
+            problems=(),
+            crossings=Crossings.none(),
+            curve_crossings=Crossings.none(),
+            **numbers,
         )
 
     @classmethod
@@ -246,6 +299,7 @@ class StepTable:
             problems=tuple(problem for table in tables for problem in table.problems),
             crossings=Crossings.joined([table.crossings for table in tables]),
             profile=Profile.joined([table.profile for table in tables]),
+            curve_crossings=Crossings.joined([table.curve_crossings for table in tables]),
             **{c.name: np.concatenate([getattr(t, c.name) for t in tables]) for c in cls.columns()},
         )
 
@@ -259,6 +313,7 @@ class StepTable:
             broken=tuple(replace(edge, step=edge.step + shift) for edge in self.broken),
             crossings=replace(self.crossings, step=self.crossings.step + shift),
             profile=self.profile.moved_by(shift),
+            curve_crossings=replace(self.curve_crossings, step=self.curve_crossings.step + shift),
         )
 
     @classmethod
@@ -273,7 +328,13 @@ class StepTable:
         values: dict[str, Any] = {name: getattr(self, name).item(row) for name in self._plain()}
         values |= {name: members[getattr(self, name).item(row)] for name, members in self._coded()}
         values |= {name: getattr(self, name)[row].copy() for name in self._wide()}
-        return StepReport(step=step, problem=self.problems[row], crossings=self.crossings.of_step(step), **values)
+        return StepReport(
+            step=step,
+            problem=self.problems[row],
+            crossings=self.crossings.of_step(step),
+            curve_crossings=self.curve_crossings.of_step(step),
+            **values,
+        )
 
     @classmethod
     @cache
@@ -309,12 +370,15 @@ class StepReport:
     problem : str
         What is wrong with one of the step's frames, in words; empty where nothing is.
     crossings : Crossings
-        The step's crossings, a sequence of `Crossing` in order of time.
+        The step's crossings of the polyline, a sequence of `Crossing` in order of time.
+    curve_crossings : Crossings
+        Those of the smooth curve.
     """
 
     step: int
     problem: str
     crossings: Crossings
+    curve_crossings: Crossings
     frame_t0: int
     frame_t1: int
     time_t0: float
@@ -348,6 +412,19 @@ class StepReport:
     rung: Rung
     reason: Reason
     rung_pairs: Indices
+    curve_d_star: float
+    curve_d_star_segment: Indices
+    curve_bezier_ratio: float
+    curve_bezier_margin: float
+    curve_printed_ratio: float
+    curve_clearance: float
+    curve_clearance_pair: Indices
+    curve_verdict: CurveVerdict
+    curve_rung: Rung
+    curve_depth: int
+    curve_reason: Reason
+    curve_place: NDArray[np.float64]
+    curve_n_crossings: int
 
     @property
     def frames(self) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from mdtopo.records.alerts import Severity
 from mdtopo.records.crossings import Grade
+from mdtopo.records.curvecounts import CurveCounts
 
 
 class RunVerdict(StrEnum):
@@ -83,7 +84,7 @@ class RunSummary:
     counts : StepCounts
         The five counts.
     crossings : mapping of Grade to int
-        How many crossings were found.
+        How many crossings of the polyline were found.
     n_fractures : int
         Edges that broke.
     alerts : mapping of Severity to int
@@ -98,6 +99,9 @@ class RunSummary:
         Why the run ended before its last frame, in words; empty where it did not.
     checkpoint : str
         Why the run was put down, so that the same command goes on with it; empty where it was not.
+    curve : CurveCounts or None
+        What was found of the smooth curve, which the verdict and the five counts are not about; None where it was not
+        looked at.
     """
 
     verdict: RunVerdict
@@ -112,6 +116,7 @@ class RunSummary:
     results: Path | None = None
     stopped: str = ""
     checkpoint: str = ""
+    curve: CurveCounts | None = None
 
     @property
     def n_steps(self) -> int:
@@ -123,6 +128,9 @@ class RunSummary:
         rows: dict[str, object] = {"verdict": self.verdict.value, "steps": self.n_steps, **asdict(self.counts)}
         rows |= {f"{grade.name.lower()} crossings": count for grade, count in self.crossings.items() if count}
         rows |= {"broken edges": self.n_fractures, "least clearance (Å)": f"{self.clearance:.4g}"}
+        if self.curve is not None:
+            numbers = asdict(self.curve)
+            rows |= {f"curve {name}": numbers[name] for name in ("certified", "unresolved", "crossed")}
         rows |= {"results": self.results or "not stored", **({"stopped": self.stopped} if self.stopped else {})}
         cells = (f"<tr><th>{escape(name)}</th><td>{escape(str(value))}</td></tr>" for name, value in rows.items())
         return f"<table><caption>mdtopo run</caption>{''.join(cells)}</table>"
@@ -145,6 +153,7 @@ class RunSummary:
             "ratio": finite(self.ratio),
             "ratio_step": self.ratio_step,
             "stopped": self.stopped,
+            "curve": None if self.curve is None else self.curve.to_mapping(),
         }
 
     @classmethod
@@ -166,6 +175,7 @@ class RunSummary:
             ratio_step=int(values["ratio_step"]),
             results=results,
             stopped=str(values.get("stopped", "")),
+            curve=None if values.get("curve") is None else CurveCounts.from_mapping(values["curve"]),
         )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mdtopo.errors import InputError
 from mdtopo.records import (
     AlertKind,
+    CurveCounts,
     Grade,
     MonitorConfig,
     RunSummary,
@@ -147,8 +148,18 @@ def _summary(path: Path, results: Results, states: Codes) -> RunSummary:
         **_extreme("clearance", -proved, results.first_step, -1.0),
         **_extreme("ratio", steps["pair_ratio"], results.first_step, 1.0),
         results=path,
+        curve=_curve_counts(results),
         stopped=str(results.summary.get("stopped", "")),
     )
+
+
+def _curve_counts(results: Results) -> CurveCounts | None:
+    """Return what was found of the curve; None where the run did not look at it, or its version could not."""
+    steps = results.steps
+    if results.config.get("curve", "none") == "none" or "curve_verdict" not in steps:
+        return None
+    verdict, depth, clearance = (steps[f"curve_{name}"] for name in ("verdict", "depth", "clearance"))
+    return CurveCounts.of(verdict, depth, clearance, results.curve_crossings, results.first_step)
 
 
 def _extreme(name: str, values: NDArray[np.float64], first_step: int, sign: float) -> dict[str, Any]:

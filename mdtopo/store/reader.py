@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from mdtopo.records import (
     Profile,
     ReferenceLengths,
     Severity,
+    Shape,
     Strands,
     VertexLabels,
 )
@@ -59,7 +60,7 @@ class Results:
     steps : mapping of str to ndarray, shape (n_steps, ...)
         The columns by name; `StepTable` says what they mean. Enum columns are int8 codes.
     crossings : Crossings
-        By step and time.
+        Of the polyline, by step and time.
     alerts : tuple of Alert
         In the order in which they were given.
     strands : Strands
@@ -71,6 +72,8 @@ class Results:
     bonds : tuple of BondState, or None
         Which edges were broken, or on the way to it, after the first frame and after the last one; None where the file
         does not say.
+    curve_crossings : Crossings
+        Of the smooth curve, by step and time.
     in_progress : bool
         Whether these are the finished parts of a run that has not ended.
     stored : range
@@ -94,6 +97,7 @@ class Results:
     reference: ReferenceLengths | None
     broken: tuple[BrokenEdge, ...]
     bonds: tuple[BondState, BondState] | None = None
+    curve_crossings: Crossings = field(default_factory=Crossings.none)
     in_progress: bool = False
     stored: range = range(0)
     profile: Profile | None = None
@@ -205,6 +209,7 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, step
     first = int(file["steps"].attrs["first_step"])
     stored = range(first, first + len(file["steps/frame_t0"]))
     read = stored if steps is None else _common(stored, steps)
+    crossings = _crossings(file.get("crossings"), strands)
     return Results(
         schema=int(file.attrs["schema"]),
         complete=bool(file.attrs["complete"]),
@@ -214,7 +219,8 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, step
         summary=json.loads(file.attrs.get("summary", "{}")),
         first_step=read.start,
         steps=_steps(path, file["steps"], columns, slice(read.start - first, read.stop - first)),
-        crossings=_crossings(file.get("crossings"), strands),
+        crossings=crossings.of(Shape.POLYLINE),
+        curve_crossings=crossings.of(Shape.CURVE),
         alerts=_alerts(file["alerts"]),
         strands=strands,
         reference=_reference(file["strands"]),
@@ -264,6 +270,7 @@ def _alerts(group: h5py.Group) -> tuple[Alert, ...]:
     columns = {
         name: _texts(group[name]) if layout.dtype is TEXT else group[name][()].tolist()
         for name, layout in ALERTS.items()
+        if name != "object" or name in group  # an older version knew none
     }
     rows = zip(*columns.values(), strict=True)
     return tuple(_alert(dict(zip(columns, row, strict=True))) for row in rows)
@@ -273,7 +280,8 @@ def _alert(row: dict[str, Any]) -> Alert:
     lists = {name: tuple(json.loads(row[name])) for name in ("strands", "residues")}
     numbers = {name: None if math.isnan(row[name]) else row[name] for name in ("value", "limit")}
     enums = {"kind": AlertKind(row["kind"]), "severity": Severity[row["severity"].upper()]}
-    return Alert(**{**row, **lists, **numbers, **enums})
+    shape = Shape[row.get("object", "polyline").upper()]
+    return Alert(**{**row, **lists, **numbers, **enums, "object": shape})
 
 
 def stored_strands(group: h5py.Group) -> Strands:

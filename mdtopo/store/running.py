@@ -81,6 +81,7 @@ def read_running(
         first_step=next((part.first_step for part in parts if part.n_steps), first.first_step),
         steps={name: np.concatenate([part.steps[name] for part in parts]) for name in first.steps},
         crossings=Crossings.joined([part.crossings for part in parts]),
+        curve_crossings=Crossings.joined([part.curve_crossings for part in parts]),
         alerts=tuple(alert for part in parts for alert in part.alerts),
         broken=tuple(edge for k, part in enumerate(parts) for edge in part.broken if k == 0 or edge.step >= 0),
         bonds=bonds,

@@ -4,7 +4,7 @@
 group      holds
 ========== ==============================================================================================
 /steps     one dataset for each column of `StepTable`, one row for each step; attribute ``first_step``
-/crossings one dataset for each column of `Crossings`, one row for each crossing, by step and time
+/crossings one dataset for each column of `Crossings`, one row for each crossing, by step, object and time
 /alerts    one dataset for each field of the JSON lines, one row for each alert; attribute ``schema``
 /stretches edges beyond their stretch limit, one row for each edge and step
 /problems  steps with a frame that cannot be used, one row each
@@ -103,6 +103,7 @@ ALERTS = {
     "value": Layout(np.float64, "the worst value; NaN where null in the JSON lines"),
     "limit": Layout(np.float64, "the limit that it met; NaN where null in the JSON lines"),
     "message": Layout(TEXT, "the event in one sentence"),
+    "object": Layout(TEXT, "what it is about: polyline or curve"),
 }
 """The fields of the JSON lines, in their order."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import InputError
-from mdtopo.records import BrokenEdge, Crossings, Profile, StepTable, Strands, Stretches
+from mdtopo.records import BrokenEdge, Crossings, Profile, Shape, StepTable, Strands, Stretches
 from mdtopo.store.profile import stored_profile
 from mdtopo.store.reader import broken_edges, opened_results, plain_values, stored_strands
 from mdtopo.store.schema import CHUNK_ROWS, CROSSINGS, STRETCHES
@@ -70,11 +70,13 @@ class _Lists:
 
     def between(self, start: int, stop: int) -> dict[str, Any]:
         """Return the fields of a table of the steps from `start` up to `stop`."""
+        crossings = Crossings(strands=self._strands, **_rows(self._crossings, start, stop))
         return {
             "stretches": Stretches(**_rows(self._stretches, start, stop)),
             "broken": tuple(edge for edge in self._broken if start <= edge.step < stop),
             "problems": tuple(self._problems.get(step, "") for step in range(start, stop)),
-            "crossings": Crossings(strands=self._strands, **_rows(self._crossings, start, stop)),
+            "crossings": crossings.of(Shape.POLYLINE),
+            "curve_crossings": crossings.of(Shape.CURVE),
             "profile": self._profile.between(start, stop),
         }
 

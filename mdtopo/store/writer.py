@@ -135,7 +135,7 @@ class ResultsWriter:
         self._flush()
 
     def append(self, table: StepTable) -> None:
-        """Add the steps of a table, their crossings and profile, and the edges that broke in them.
+        """Add the steps of a table, their crossings (polyline and curve in one list) and profile, and edges that broke.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class ResultsWriter:
             If the table's steps do not follow those that are there.
         """
         self._check_open()
-        written = self._steps.append(table) | self._crossings.append(table.crossings)
+        written = self._steps.append(table) | self._crossings.append(table.crossings.and_then(table.curve_crossings))
         written |= self._stretches.append(table.stretches) | self._problems.append(table)
         self._profile.append(table.profile)
         self._broken.extend(table.broken)

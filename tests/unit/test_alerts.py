@@ -14,6 +14,7 @@ from mdtopo.records import (
     AlertKind,
     BrokenEdge,
     Crossings,
+    CurveVerdict,
     Gap,
     Grade,
     MonitorConfig,
@@ -44,6 +45,7 @@ def table(
     steps = np.arange(first_step, first_step + n)
     values |= {"frame_t0": steps, "frame_t1": steps + 1, "time_t0": 2.0 * steps, "time_t1": 2.0 * steps + 2.0}
     values["verdict"][:] = Verdict.CERTIFIED
+    values["curve_verdict"][:] = CurveVerdict.NONE
     values["clearance"][:] = 9.0
     values["pair_ratio_pair"][:] = values["nu_pair"][:] = values["clearance_pair"][:] = PAIR
     values |= {name: np.asarray(column, dtype=values[name].dtype) for name, column in columns.items()}
@@ -60,6 +62,7 @@ def table(
         broken=broken,
         problems=("",) * n,
         crossings=Crossings.none() if crossings is None else crossings,
+        curve_crossings=Crossings.none(),
         **values,  # type: ignore[arg-type]
     )
 

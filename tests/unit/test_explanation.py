@@ -1,5 +1,6 @@
 """The story of a step: its numbers are those of the results, and every verdict has its words."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,19 +86,25 @@ def test_the_step_of_a_frame_begins_there_and_of_the_last_ends_there(results: Re
         step_of_frame(results, 6)
 
 
-def test_columns_of_the_curve_are_told_when_they_are_there(results: Results) -> None:
-    from dataclasses import replace
+def test_the_curve_has_a_story_of_its_own(results: Results) -> None:
+    told = story(results, 0)["The smooth curve"]
+    assert "(interpolating). CERTIFIED" in told
+    assert "in its sound form is 0 (below 1" in told  # the bars do not turn
+    assert "Every check is settled by hulls alone" in told
+    told = story(results, 1)["The smooth curve"]
+    (crossing,) = results.curve_crossings
+    assert f"The curve of strand 0 passes through strand 1 at 0-1 x 2-3, t = {crossing.t:.6g}" in told
+    assert "the two segments move" in told
+    assert "no crossing there" not in told
+    assert "Reason BAD_DATA: one of the two frames cannot be used." in story(results, 3)["The smooth curve"]
 
-    n = len(results.steps["verdict"])
-    columns = {
-        "curve_verdict": np.ones(n, dtype=np.int8),
-        "curve_d_star": np.full(n, 0.625),
-        "curve_depth": np.full(n, 3),
-    }
-    assert "The smooth curve" not in story(results, 0)
-    told = story(replace(results, steps={**results.steps, **columns}), 0)["The smooth curve"]
-    assert "The curve is CERTIFIED." in told
-    assert "0.625" in told
+
+def test_where_no_curve_was_looked_at(results: Results) -> None:
+    none = {"curve_verdict": np.full(5, -1), "curve_reason": np.zeros(5), "curve_d_star": np.full(5, np.nan)}
+    without = replace(results, steps={**results.steps, **none})
+    assert story(without, 0)["The smooth curve"] == "The curve. It was not looked at (--curve none)."
+    older = {name: column for name, column in results.steps.items() if not name.startswith("curve_")}
+    assert "The smooth curve" not in story(replace(results, steps=older), 0)
 
 
 def test_real_crossing(tmp_path: Path) -> None:

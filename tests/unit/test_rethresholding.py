@@ -63,6 +63,7 @@ def random_table(seed: int, n: int) -> StepTable:
         broken=(BrokenEdge(n // 2, n // 2 + 1, (2, 3), 1.7, 1.5),),
         problems=("a reason",) * n,
         crossings=crossings,
+        curve_crossings=Crossings.none(),
         **values,
     )
 

@@ -56,7 +56,7 @@ def store_crossing(path: Path, **values: Any) -> None:
             dataset.resize(1, axis=0)
             dataset[0] = row.get(name, 0)
         steps = file["steps"]
-        steps["n_crossings"][...] = 0
+        steps["n_crossings"][...] = steps["curve_n_crossings"][...] = 0
         steps["n_crossings"][CROSSED] = 1
         steps["verdict"][CROSSED] = Verdict.CROSSING
         steps["reason"][CROSSED] = Reason.NONE
@@ -115,6 +115,7 @@ def test_an_unresolved_step_is_told_what_the_referee_finds(run: Callable[..., Pa
     path = run(bars(True))
     tamper(path, "verdict", CROSSED, Verdict.UNRESOLVED)
     tamper(path, "n_crossings", CROSSED, 0)
+    tamper(path, "curve_n_crossings", CROSSED, 0)
     with h5py.File(path, "a") as file:
         for dataset in file["crossings"].values():
             dataset.resize(0, axis=0)

@@ -20,8 +20,9 @@ def test_the_summary_goes_to_standard_output(cli: Callable, npz: Callable, tmp_p
     assert lines[0] == "PASS: every step is proved: no strand passed through another."
     counts = [int(line[20:].split()[0]) for line in lines[3:8]]
     assert sum(counts) == 11 == int(lines[2].split()[1])
-    assert lines[-3].startswith("  closest pair  proved to stay at least ")
-    assert lines[-3].endswith("-" + lines[-3].rsplit("-", 1)[1])
+    assert lines[-4].startswith("  closest pair  proved to stay at least ")
+    assert lines[-3] == "  smooth curve  interpolating: 11 steps proved"
+    assert lines[-4].endswith("-" + lines[-4].rsplit("-", 1)[1])
     assert lines[-2] == f"  alerts        none in {alerts}"
     assert lines[-1] == f"  results       {out}"
     assert alerts.read_text() == ""
