@@ -52,11 +52,14 @@ class Setting:
         traces = Traces.of(self.strands, np.flatnonzero(bonds.broken).tolist())
         return replace(self, bonds=bonds, traces=traces, has_started=True)
 
-    def all_edges(self, values: Lengths) -> Ratios:
-        """Spread values of the edges that are left over all edges, as ratios to the reference; NaN where broken."""
-        ratios = np.full((len(values), len(self.limits.reference)), np.nan)
-        ratios[:, self.traces.edge_index] = values / self.limits.reference[self.traces.edge_index]
-        return ratios
+    def write_ratios(self, lengths: Lengths, ratios: Ratios) -> None:
+        """Write lengths of the edges that are left, over the reference, into rows of all edges; NaN where broken."""
+        reference, index = self.limits.reference, self.traces.edge_index
+        if np.array_equal(index, np.arange(len(reference))):  # none is broken
+            np.divide(lengths, reference, out=ratios)
+            return
+        ratios.fill(np.nan)
+        ratios[:, index] = lengths / reference[index]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,7 +123,7 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
         As returned with the block before, or `Setting.start`.
     """
     problems: list[str] = []
-    ratios = np.full((block.n_steps + 1, len(setting.limits.reference)), np.nan)
+    ratios = np.empty((block.n_steps + 1, len(setting.limits.reference)))
     parts: list[Stretch] = []
     broken: list[BrokenEdge] = []
     start = 0
@@ -129,7 +132,7 @@ def plan_block(block: FrameBlock, setting: Setting) -> tuple[BlockPlan, Setting]
     first = setting.bonds
     while start < block.n_steps:
         frames = _whole(block, slice(start, None), setting.traces)
-        ratios[start + 1 :] = setting.all_edges(frames.lengths[1:])  # a frame belongs to the step that it ends
+        setting.write_ratios(frames.lengths[1:], ratios[start + 1 :])  # a frame belongs to the step that it ends
         count, after = _until_break(ratios[start + 1 :], setting)
         part = Stretch(slice(start, start + count), frames.first(count + 1), setting.traces)
         parts.append(part)
@@ -220,9 +223,10 @@ def _until_break(ratios: Ratios, setting: Setting) -> tuple[int, BondState]:
 def _watch_first_frame(block: FrameBlock, setting: Setting) -> tuple[Setting, list[BrokenEdge]]:
     """Count the run's first frame too: every other frame is the end of a step, this one is not."""
     frames = _whole(block, slice(0, 1), setting.traces)
-    ratios = setting.all_edges(frames.lengths)[0]
-    after = setting.bonds.after(ratios, setting.limits, setting.config.fracture_frames)
-    fresh = _newly_broken(block, 0, ratios, after, setting)
+    ratios = np.empty((1, len(setting.limits.reference)))
+    setting.write_ratios(frames.lengths, ratios)
+    after = setting.bonds.after(ratios[0], setting.limits, setting.config.fracture_frames)
+    fresh = _newly_broken(block, 0, ratios[0], after, setting)
     return replace(_with_bonds(setting, after), has_started=True), fresh
 
 

@@ -1,5 +1,6 @@
 """Configurations as they come from a reader, one at a time and in blocks."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +27,17 @@ def has_volume(cell: Cell) -> bool:
     cell : ndarray, shape (3, 3)
         Lattice vectors as rows, Å.
     """
-    if not (np.abs(cell) <= LARGEST_COORDINATE).all():  # also where it is NaN
+    rows = cell.tolist()  # nine numbers: NumPy would take ten times as long, once for each frame
+    if not all(abs(value) <= LARGEST_COORDINATE for row in rows for value in row):  # also where it is NaN
         return False
-    lengths = np.linalg.norm(cell, axis=1)
-    if lengths.min() < SHORTEST_VECTOR:
+    lengths = [math.hypot(*row) for row in rows]
+    if min(lengths) < SHORTEST_VECTOR:
         return False
-    return bool(abs(np.linalg.det(cell / lengths[:, np.newaxis])) > LEAST_VOLUME)
+    a, b, c = ([value / length for value in row] for row, length in zip(rows, lengths, strict=True))
+    volume = (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    return bool(abs(volume) > LEAST_VOLUME)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
