@@ -20,6 +20,7 @@ class StepColumns:
     def __init__(self, group: h5py.Group) -> None:
         self.n_rows = 0
         self._group = group
+        self._first_step = 0
         self._held = 0
         self._buffers: dict[str, NDArray[Any]] = {}
         group.attrs["first_step"] = 0
@@ -43,8 +44,8 @@ class StepColumns:
 
     def _check_order(self, table: StepTable) -> None:
         if self.n_rows == 0:
-            self._group.attrs["first_step"] = table.first_step
-        expected = int(self._group.attrs["first_step"]) + self.n_rows
+            self._group.attrs["first_step"] = self._first_step = table.first_step
+        expected = self._first_step + self.n_rows
         if table.first_step != expected:
             raise AuditError(f"Step {table.first_step} was to be stored where step {expected} belongs.")
 
