@@ -109,7 +109,8 @@ def run(arguments: argparse.Namespace) -> Exit:
 
     found = read_so_far(arguments.results, columns=NEEDED)
     say_if_unfinished(arguments.results, found)
-    job = Job(found, arguments.step, arguments.between, arguments.frames, arguments.allow_unproved)
+    has_clearance = arguments.format == "vtkhdf"  # no other format holds it
+    job = Job(found, arguments.step, arguments.between, arguments.frames, arguments.allow_unproved, has_clearance)
     frames = job.frames()
     paths, _ = input_files(arguments.results, found, arguments.inputs)
     _refuse_target(arguments, [arguments.results, *paths])

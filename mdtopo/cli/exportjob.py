@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mdtopo.smooth import CurveKind
     from mdtopo.store import Results
 
-NEEDED = ("frame_t0", "frame_t1", "verdict", "clearance", "clearance_pair")
+NEEDED = ("frame_t0", "frame_t1", "verdict", "reason", "clearance", "clearance_pair")
 """Step columns that an export needs."""
 
 SHOWN_FRAMES = 5
@@ -31,6 +31,7 @@ class Job:
     between: int | None
     chosen: slice | None
     allow_unproved: bool
+    has_clearance: bool = True
 
     def frames(self) -> list[int]:
         """Return the indices of the frames, in order; refuse what must not be exported."""
@@ -91,11 +92,10 @@ class Job:
             pair = frames_at(reader, frames)
             yield from self._moments(next(pair), next(pair))
             return
-        stream = frames_at(reader, frames)
-        for index in frames:
-            frame = next(stream)
-            positions = whole_positions(frame, self.found.strands, self.broken(index))
-            yield self._snapshot(f"frame {index}", frame.time, positions, self._row(index), True)
+        for frame, end in self._with_ends(reader, frames):
+            positions = whole_positions(frame, self.found.strands, self.broken(frame.index))
+            clearance = self._clearance(frame, end)
+            yield self._snapshot(f"frame {frame.index}", frame.time, positions, clearance, self._row(frame.index), True)
 
     def curves(
         self, reader: "Reader", frames: list[int], kind: "CurveKind", tolerance: float
@@ -103,20 +103,19 @@ class Job:
         """Yield the polyline of the curve at each frame."""
         from mdtopo.export import curve_snapshot, whole_positions
         from mdtopo.records import Traces
-        from mdtopo.reopening import frames_at
 
-        stream, strands = frames_at(reader, frames), self.found.strands
-        for index in frames:
-            frame, broken = next(stream), self.broken(index)
+        strands = self.found.strands
+        for frame, end in self._with_ends(reader, frames):
+            broken = self.broken(frame.index)
             yield curve_snapshot(
                 whole_positions(frame, strands, broken),
                 strands,
                 Traces.of(strands, broken),
                 kind,
                 tolerance,
-                title=f"frame {index}",
+                title=f"frame {frame.index}",
                 time=frame.time,
-                polyline_clearance=self._clearance(self._row(index)),
+                polyline_clearance=self._clearance(frame, end),
             )
 
     def _moments(self, frame0: "Frame", frame1: "Frame") -> "Iterator[Snapshot]":
@@ -127,25 +126,54 @@ class Job:
         n, broken, row = self.between or 0, self.broken(frame0.index), self._row(frame0.index)
         proved = row is not None and self.found.steps["verdict"][row] == Verdict.CERTIFIED
         moments = in_between(frame0, frame1, self.found.strands, broken, n, rigid=rigid)
+        clearance = self._clearance(frame0, frame1 if self._is_measured(row) else None)
         for k, positions in enumerate(moments):
             t = k / (n + 1)
             time = (1.0 - t) * frame0.time + t * frame1.time
-            yield self._snapshot(f"step {self.step}, t = {t:.6g}", time, positions, row, bool(proved))
+            yield self._snapshot(f"step {self.step}, t = {t:.6g}", time, positions, clearance, row, bool(proved))
 
     def _row(self, frame: int) -> int | None:
         rows = np.flatnonzero(self.found.steps["frame_t0"] == frame)
         return int(rows[0]) if len(rows) else None
 
-    def _clearance(self, row: int | None) -> float:
-        """Return what is proved of the step of a row, NaN where nothing is."""
-        from mdtopo.records import Verdict
+    def _is_measured(self, row: int | None) -> bool:
+        """Return whether the clearance of a row's step is wanted, and can be told vertex by vertex."""
+        from mdtopo.records import Reason
 
+        if row is None or not self.has_clearance:
+            return False
         steps = self.found.steps
-        if row is None or steps["verdict"][row] != Verdict.CERTIFIED:
-            return float(np.nan)
-        return float(steps["clearance"][row])
+        unmeasured = (Reason.BAD_DATA, Reason.CELL, Reason.IMAGE_JUMP)
+        return bool(np.isfinite(steps["clearance"][row])) and int(steps["reason"][row]) not in unmeasured
 
-    def _snapshot(self, title: str, time: float, positions: np.ndarray, row: int | None, proved: bool) -> "Snapshot":
+    def _with_ends(self, reader: "Reader", frames: list[int]) -> "Iterator[tuple[Frame, Frame | None]]":
+        """Yield each frame with the one that ends its step, None where the step's clearance is not asked for."""
+        from mdtopo.reopening import frames_at
+
+        rows = [self._row(index) for index in frames]
+        ends = [int(self.found.steps["frame_t1"][row]) if self._is_measured(row) else -1 for row in rows]
+        wanted = sorted({*frames, *ends} - {-1})
+        stream, held = frames_at(reader, wanted), dict[int, "Frame"]()
+        for index, end in zip(frames, ends, strict=True):
+            while max(index, end) not in held:
+                frame = next(stream)
+                held[frame.index] = frame
+            yield held[index], held.get(end)
+            held = {number: frame for number, frame in held.items() if number > index}
+
+    def _clearance(self, frame: "Frame", end: "Frame | None") -> np.ndarray:
+        """Return what is proved of each vertex in the step between two frames, NaN where the second is not known."""
+        from mdtopo.export import vertex_bounds
+
+        strands, row = self.found.strands, self._row(frame.index)
+        if end is None or row is None:
+            return np.full(strands.n_vertices, np.nan)
+        least, rigid = float(self.found.steps["clearance"][row]), self.found.config["motion"] == "rigid"
+        return vertex_bounds(frame, end, strands, self.broken(frame.index), least, rigid=rigid)
+
+    def _snapshot(
+        self, title: str, time: float, positions: np.ndarray, clearance: np.ndarray, row: int | None, proved: bool
+    ) -> "Snapshot":
         from mdtopo.export import Snapshot
 
         steps, closest, verdict = self.found.steps, np.zeros(len(positions), dtype=np.bool_), -1
@@ -153,7 +181,7 @@ class Job:
             verdict = int(steps["verdict"][row])
             pair = steps["clearance_pair"][row].ravel()
             closest[pair[pair >= 0]] = True
-        return Snapshot(title, time, positions, self._clearance(row), closest, verdict, proved)
+        return Snapshot(title, time, positions, clearance, closest, verdict, proved)
 
 
 class IsotopyTally:

@@ -9,7 +9,7 @@ from mdtopo.errors import InputError
 from mdtopo.records import Isotopy, Strands, Traces
 from mdtopo.records.strands import CLOSED_MINIMUM
 from mdtopo.smooth import CurveKind, spline_curve
-from mdtopo.typing import Flags, Indices, Points, Ratios
+from mdtopo.typing import Flags, Indices, Lengths, Points, Ratios
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +38,9 @@ class CurveSnapshot:
         Whether the polyline is proved to be ambient isotopic to the curve, all traces together; False: not known.
     reason : str
         By which argument, or what it lacks.
-    polyline_clearance : float
-        The clearance that is proved for the straight edges in the step that begins there, Å; NaN where none is.
+    polyline_clearance : ndarray, shape (n,)
+        How close the straight edges come to any other in the step that begins there, at least, Å: the lower value of
+        the two vertices between which the point's parameter lies; NaN where it has none.
     """
 
     title: str
@@ -52,7 +53,7 @@ class CurveSnapshot:
     chord_error: float
     is_isotopic: bool
     reason: str
-    polyline_clearance: float
+    polyline_clearance: Lengths
 
 
 def curve_snapshot(
@@ -64,7 +65,7 @@ def curve_snapshot(
     *,
     title: str,
     time: float,
-    polyline_clearance: float,
+    polyline_clearance: Lengths,
 ) -> CurveSnapshot:
     """Return the polyline of the curve of one frame.
 
@@ -78,8 +79,10 @@ def curve_snapshot(
         See `spline_curve`.
     tolerance : float
         How far the curve may be from the polyline, Å.
-    title, time, polyline_clearance
+    title, time
         See `CurveSnapshot`.
+    polyline_clearance : ndarray, shape (n_vertices,)
+        Of each vertex of the strands; see `mdtopo.export.Snapshot`.
 
     Guarantee
     ---------
@@ -111,6 +114,7 @@ def curve_snapshot(
     chosen = np.ones(len(found.points), dtype=np.bool_)
     chosen[found.offsets[1:][pieces.closed] - 1] = False
     strand = strands.strand_of_vertex[vertices[pieces.offsets[:-1]]]
+    parameters, owner = found.parameters[chosen], np.repeat(np.arange(len(lengths)), lengths)
     return CurveSnapshot(
         title=title,
         time=time,
@@ -118,9 +122,20 @@ def curve_snapshot(
         offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
         closed=pieces.closed,
         strand=np.repeat(strand, lengths),
-        parameter=found.parameters[chosen],
+        parameter=parameters,
         chord_error=found.chord_error,
         is_isotopic=found.isotopy is Isotopy.TUBE,
         reason=found.reason,
-        polyline_clearance=polyline_clearance,
+        polyline_clearance=_between_vertices(polyline_clearance[vertices], pieces, owner, parameters),
     )
+
+
+def _between_vertices(values: Lengths, pieces: Strands, owner: Indices, parameters: Ratios) -> Lengths:
+    """Return for each point the lower value of the two vertices between which it lies; an edge has an equal share."""
+    sizes = np.diff(pieces.offsets)[owner]
+    place = parameters * (sizes - ~pieces.closed[owner])
+    before = np.minimum(np.floor(place), sizes - 1).astype(np.int64)
+    after = np.ceil(place).astype(np.int64) % sizes
+    first = pieces.offsets[owner]
+    lower: Lengths = np.fmin(values[first + before], values[first + after])
+    return lower

@@ -6,10 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mdtopo.blocks import WholeFrames, covariances, motion_of, whole_frames
+from mdtopo.curves import StepMotion
 from mdtopo.errors import InputError
 from mdtopo.geometry.rigid import best_rotations
 from mdtopo.records import Frame, Strands, Traces
-from mdtopo.typing import Points
+from mdtopo.typing import Cell, Lengths, Points
+from mdtopo.vertexclearance import vertex_clearances
 
 
 def whole_positions(frame: Frame, strands: Strands, broken: Collection[int] = ()) -> Points:
@@ -59,15 +61,7 @@ def in_between(
     laid over it (an even turn about a centroid that moves evenly). In a periodic box the cell would turn along, so that
     images of other cells are not those of the stored one.
     """
-    traces, periodic = Traces.of(strands, broken), frame0.cell is not None
-    frames, rotation = _whole([frame0, frame1], traces), np.eye(3)
-    if rigid:
-        groups = traces.offsets if periodic else np.array([0, len(traces.vertices)], dtype=np.int64)
-        measurable = np.ones(1, dtype=np.bool_)
-        rotation = best_rotations(*covariances(frames.positions, measurable, traces.vertices, groups))[0]
-    motion = motion_of(frames, 0, periodic, rigid, rotation, traces.vertices, traces.offsets)
-    if not motion.usable:
-        raise InputError(f"The cell changes too much between the frames {frame0.index} and {frame1.index}.")
+    motion, rotation = _step_motion(frame0, frame1, Traces.of(strands, broken), rigid=rigid)
     turn = rotation if motion.is_turned else np.eye(3)
     centre = motion.x0.mean(axis=0)
     removed = np.array(motion.translation) if rigid else np.zeros(3)
@@ -79,6 +73,44 @@ def in_between(
         back = Rotation.from_rotvec(-t * vector).as_matrix()
         found.append(residual @ back.T + (1.0 - t) * centre + t * goal)
     return found
+
+
+def vertex_bounds(
+    frame0: Frame, frame1: Frame, strands: Strands, broken: Collection[int], least: float, *, rigid: bool
+) -> Lengths:
+    """Return how close the edges of each vertex come to any other in a step, at least, Å; see `vertex_clearances`.
+
+    Parameters
+    ----------
+    frame0, frame1, strands, broken, rigid
+        As for `in_between`.
+    least : float
+        The step's clearance, as it was measured, Å.
+
+    Raises
+    ------
+    InputError
+        If a frame cannot be used, or the images of the cell cannot be counted in the step.
+    """
+    t = Traces.of(strands, broken)
+    motion, _ = _step_motion(frame0, frame1, t, rigid=rigid)
+    periodic = frame0.cell is not None
+    bounds: Lengths = vertex_clearances(motion, periodic, t.edges, t.following, t.trace, t.local_pairs, least)
+    return bounds
+
+
+def _step_motion(frame0: Frame, frame1: Frame, t: Traces, *, rigid: bool) -> tuple[StepMotion, Cell]:
+    """Return the motion of a step as it is measured, and the rotation that was taken out."""
+    periodic = frame0.cell is not None
+    frames, rotation = _whole([frame0, frame1], t), np.eye(3)
+    if rigid:
+        groups = t.offsets if periodic else np.array([0, len(t.vertices)], dtype=np.int64)
+        measurable = np.ones(1, dtype=np.bool_)
+        rotation = best_rotations(*covariances(frames.positions, measurable, t.vertices, groups))[0]
+    motion = motion_of(frames, 0, periodic, rigid, rotation, t.vertices, t.offsets)
+    if not motion.usable:
+        raise InputError(f"The cell changes too much between the frames {frame0.index} and {frame1.index}.")
+    return motion, rotation
 
 
 def _whole(frames: list[Frame], traces: Traces) -> WholeFrames:

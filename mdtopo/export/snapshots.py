@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from mdtopo.typing import Flags, Points
+from mdtopo.typing import Flags, Lengths, Points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,8 +17,9 @@ class Snapshot:
         ps; NaN where the trajectory holds none.
     positions : ndarray, shape (n, 3)
         Å.
-    clearance : float
-        Proved for every pair, so for every vertex, of the step, Å; NaN where nothing is proved.
+    clearance : ndarray, shape (n,)
+        How close the edges of each vertex come to any other in the step that begins there, at least, Å; 0 where they
+        cross, or nothing is proved; NaN where that step was not measured, or the vertex has no pair.
     closest : ndarray of bool, shape (n,)
         The vertices of the pair that holds the step's clearance.
     verdict : int
@@ -30,7 +31,7 @@ class Snapshot:
     title: str
     time: float
     positions: Points
-    clearance: float
+    clearance: Lengths
     closest: Flags
     verdict: int
     is_proved: bool = True

@@ -134,5 +134,7 @@ def write_curve_pdb(path: Path, snapshot: CurveSnapshot, remarks: list[str]) -> 
     proof = "is" if snapshot.is_isotopic else "is NOT KNOWN to be"
     remarks = [*remarks, f"The polyline {proof} isotopic to the curve: {snapshot.reason}."]
     closest = np.zeros(len(snapshot.positions), dtype=np.bool_)
-    model = Snapshot(snapshot.title, snapshot.time, snapshot.positions, np.nan, closest, -1)
+    model = Snapshot(
+        snapshot.title, snapshot.time, snapshot.positions, snapshot.polyline_clearance, closest, verdict=-1
+    )
     return write_pdb(path, points, points.edges, [model], remarks)

@@ -36,7 +36,8 @@ def write_vtkhdf(
 
     Notes
     -----
-    Point data: ``clearance`` (Å, proved for the step that begins there, hence for each vertex; NaN where none is),
+    Point data: ``clearance`` (Å, how close the edges of the vertex come to any other in the step that begins there, at
+    least; 0 where they cross or nothing is proved, NaN where the step was not measured or there is no pair),
     ``closest`` (1 at the pair that holds it), ``strand``, ``verdict`` (-1 where no step begins), ``proved`` (0 for a
     moment of a step that is not certified). Where the trajectory holds no time, the value of a step is its number.
     """
@@ -66,8 +67,8 @@ def write_curve_vtkhdf(path: Path, snapshots: Iterable[CurveSnapshot], remarks: 
     Point data: ``strand``, ``parameter`` (where on the curve the point lies, from 0 to 1; a spline gives every edge an
     equal share), ``isotopic`` (1 where the polyline of that time is proved to be isotopic to its curve, 0
     where this is not known), ``chord_error`` (Å, how far the curve is from the polyline at most), and
-    ``polyline_clearance`` (Å, proved in the step that begins there for the straight edges of the strands, not for the
-    curve; NaN where none is).
+    ``polyline_clearance`` (Å, the ``clearance`` of the strands' vertices, the lower of the two between which the point
+    lies: proved for straight edges in the step that begins there, not for the curve).
     """
 
     def moments() -> Iterator[Moment]:

@@ -13,6 +13,7 @@ from mdtopo.export import (
     Snapshot,
     curve_snapshot,
     in_between,
+    vertex_bounds,
     whole_positions,
     write_curve_pdb,
     write_curve_vtkhdf,
@@ -21,7 +22,10 @@ from mdtopo.export import (
     write_vtkhdf,
     write_xyz,
 )
-from mdtopo.records import Frame, Strands, Traces
+from mdtopo.pipeline import step_tables
+from mdtopo.readers import ReaderRequest, Source, open_reader
+from mdtopo.records import Frame, MonitorConfig, Strands, Traces
+from mdtopo.records.profile import rounded_down
 from mdtopo.referee import open_step
 
 STRANDS = Strands.from_lengths([3, 4], closed=[False, True])
@@ -40,14 +44,22 @@ def curve(tolerance: float, broken: tuple[int, ...] = (), time: float = 0.5) -> 
     """A bent strand and a square ring beside it, 3 Å away."""
     x = np.array([[0, 0, 3.0], [1, 0, 3], [1, 1, 3.5], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     traces = Traces.of(STRANDS, broken)
-    about = {"title": "frame 4", "time": time, "polyline_clearance": 1.5}
+    about = {"title": "frame 4", "time": time, "polyline_clearance": 1.5 + np.arange(7)}
     return curve_snapshot(x, STRANDS, traces, "interpolating", tolerance, **about)
 
 
 def snapshots(n: int, scale: float = 1.0) -> list[Snapshot]:
     random = np.random.default_rng(3)
     return [
-        Snapshot(f"frame {k}", 0.5 * k, scale * random.normal(size=(7, 3)), 0.25 * k, np.arange(7) == k, 1, k != 1)
+        Snapshot(
+            f"frame {k}",
+            0.5 * k,
+            scale * random.normal(size=(7, 3)),
+            0.25 * k + np.arange(7),
+            np.arange(7) == k,
+            1,
+            k != 1,
+        )
         for k in range(n)
     ]
 
@@ -106,7 +118,7 @@ def test_vtkhdf_holds_every_number(tmp_path: Path) -> None:
         assert root["Lines/Offsets"][()].tolist() == [0, 3, 8]
         np.testing.assert_array_equal(root["Points"][()], np.concatenate([s.positions for s in given]))
         assert root["PointData/proved"][()].tolist() == [1] * 7 + [0] * 7 + [1] * 7
-        assert root["PointData/clearance"][()].tolist() == [0.0] * 7 + [0.25] * 7 + [0.5] * 7
+        assert root["PointData/clearance"][()].tolist() == [0.25 * k + v for k in range(3) for v in range(7)]
         assert file.attrs["mdtopo"] == "a remark"
 
 
@@ -126,7 +138,7 @@ def test_vtk_reads_it_back(tmp_path: Path) -> None:
         data = reader.GetOutput()
         assert (data.GetNumberOfLines(), reader.GetTimeValue()) == (2, snapshot.time)
         np.testing.assert_array_equal(vtk_to_numpy(data.GetPoints().GetData()), snapshot.positions)
-        assert set(vtk_to_numpy(data.GetPointData().GetArray("clearance"))) == {snapshot.clearance}
+        np.testing.assert_array_equal(vtk_to_numpy(data.GetPointData().GetArray("clearance")), snapshot.clearance)
         assert set(vtk_to_numpy(data.GetPointData().GetArray("proved"))) == {int(snapshot.is_proved)}
 
 
@@ -187,11 +199,43 @@ def test_the_polyline_of_a_curve_passes_the_vertices_of_its_strands_closely() ->
 def test_a_polyline_that_leaves_the_tube_is_not_called_isotopic() -> None:
     x = np.array([[0, 0, 0.0], [1, 0, 0], [2, 0, 0.004], [0.5, -1, 0], [0.5, 0, 0.01], [0.5, 1, 0], [0.5, 1, 1]])
     strands = Strands.from_lengths([3, 4])
-    about = {"title": "frame 0", "time": 0.0, "polyline_clearance": np.nan}
+    about = {"title": "frame 0", "time": 0.0, "polyline_clearance": np.full(7, np.nan)}
     far = curve_snapshot(x, strands, Traces.of(strands), "interpolating", 0.1, **about)
     near = curve_snapshot(x, strands, Traces.of(strands), "interpolating", 1e-4, **about)
     assert (far.is_isotopic, near.is_isotopic) == (False, True)
     assert "whose tube has the radius" in far.reason
+
+
+def test_a_point_of_a_curve_has_the_lower_value_of_the_two_vertices_about_it() -> None:
+    found = curve(0.01)  # the vertices have 1.5, 2.5 … 7.5
+    first = found.parameter[: found.offsets[1]]
+    expected = np.where(first < 0.5, 1.5, 2.5)
+    expected[-1] = 3.5
+    assert (first[0], first[-1]) == (0.0, 1.0)  # there it is the vertex's own
+    assert found.polyline_clearance[: found.offsets[1]].tolist() == expected.tolist()
+    ring = found.parameter[found.offsets[1] :]
+    inside = np.flatnonzero((ring > 0.75) & (ring < 1.0))  # from the last vertex to the first
+    assert len(inside)
+    assert set(found.polyline_clearance[found.offsets[1] + inside].tolist()) == {4.5}
+    broken = curve(0.01, broken=(0, 3))
+    assert broken.polyline_clearance[0] == 2.5  # the vertex without an edge has no point
+
+
+def test_the_bounds_of_vertices_are_those_of_a_run() -> None:
+    random = np.random.default_rng(5)
+    x0 = np.cumsum(random.normal(scale=0.6, size=(7, 3)), axis=0)
+    for edge, rigid in ((None, True), (None, False), (9.0, True)):
+        cell = None if edge is None else edge * np.eye(3)
+        x1 = turned(x0, 0.1) + random.normal(scale=0.05, size=(7, 3))
+        frames = [frame(k, x if edge is None else x % edge, cell) for k, x in enumerate((x0, x1))]
+        config = MonitorConfig(motion="rigid" if rigid else "lab", profile_steps=1)
+        options = {} if cell is None else {"cell": cell}
+        request = ReaderRequest(strands=STRANDS, options=options)
+        with open_reader(Source(object=np.stack([f.positions for f in frames])), request) as reader:
+            table = next(step_tables(reader, config=config))
+        found = vertex_bounds(*frames, STRANDS, (), float(table.clearance[0]), rigid=rigid)
+        assert table.profile.clearance[0].tolist() == rounded_down(found).tolist()
+        assert found.min() == table.clearance[0]
 
 
 def test_broken_edges_end_the_curve_and_lone_vertices_have_none() -> None:
@@ -207,7 +251,7 @@ def test_broken_edges_end_the_curve_and_lone_vertices_have_none() -> None:
 
 def test_a_frame_without_a_curve_is_named() -> None:
     x = np.zeros((7, 3))
-    about = {"title": "frame 4", "time": 0.0, "polyline_clearance": np.nan}
+    about = {"title": "frame 4", "time": 0.0, "polyline_clearance": np.full(7, np.nan)}
     with pytest.raises(InputError, match=r"curve of frame 4 cannot be exported\. Vertices 0 and 1 follow"):
         curve_snapshot(x, STRANDS, Traces.of(STRANDS), "interpolating", 0.1, **about)
     with pytest.raises(InputError, match="points of a ring in frame 4; choose a smaller one"):

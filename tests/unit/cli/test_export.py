@@ -30,8 +30,27 @@ def test_frames_become_time_steps(cli: Callable, results: Path) -> None:
     stored = np.load(results.with_name("tiny.npz"))["positions"]
     with h5py.File(results) as run, h5py.File(results.with_name("a.vtkhdf")) as file:
         np.testing.assert_array_equal(file["VTKHDF/Points"][()], stored[:8:2].reshape(-1, 3))
-        clearance = file["VTKHDF/PointData/clearance"][()].reshape(4, 8)[:, 0]
-        assert clearance.tolist() == run["steps/clearance"][:8:2].tolist()
+        clearance = file["VTKHDF/PointData/clearance"][()].reshape(4, 8)
+        assert clearance.min(axis=1).tolist() == run["steps/clearance"][:8:2].tolist()
+        assert (clearance.max(axis=1) > clearance.min(axis=1)).all()
+        closest = file["VTKHDF/PointData/closest"][()].reshape(4, 8).astype(bool)
+        assert (clearance[closest].reshape(4, 4) == clearance.min(axis=1)[:, np.newaxis]).all()
+
+
+def test_a_frame_whose_step_was_not_measured_has_no_clearance(cli: Callable, results: Path) -> None:
+    outcome = export(
+        cli, results, "a.vtkhdf", "--what", "polyline", "--frames", "6:9"
+    )  # step 8 ends in a damaged frame
+    assert (outcome.code, outcome.err) == (Exit.DONE, "")
+    outcome = export(
+        cli, results, "b.vtkhdf", "--what", "polyline", "--frames", "10:"
+    )  # no step begins at the last frame
+    assert (outcome.code, outcome.err) == (Exit.DONE, "")
+    for name, measured in (("a.vtkhdf", [True, True, False]), ("b.vtkhdf", [True, False])):
+        with h5py.File(results.with_name(name)) as file:
+            values = file["VTKHDF/PointData/clearance"][()].reshape(-1, 8)
+            assert np.isfinite(values).all(axis=1).tolist() == measured
+            assert np.isnan(values).all(axis=1).tolist() == [not known for known in measured]
 
 
 def test_an_event_is_the_frames_of_its_alerts(cli: Callable, results: Path) -> None:
@@ -73,6 +92,7 @@ def test_moments_of_a_step_that_is_not_certified_are_refused_or_marked(
     assert (tmp_path / "a.xyz").read_text().count("NOT PROVED") == 3
     with h5py.File(tmp_path / "a.vtkhdf") as file:
         assert not file["VTKHDF/PointData/proved"][()].any()
+        assert (file["VTKHDF/PointData/clearance"][()] == 0.0).all()  # both edges cross
         assert "NOT PROVED" in file.attrs["mdtopo"]
 
 
@@ -119,7 +139,10 @@ def test_the_curve_is_written_with_what_is_proved_of_it(cli: Callable, results: 
         data = file["VTKHDF/PointData"]
         assert data["isotopic"][()].all()
         assert data["chord_error"][()].max() <= 0.001
-        assert data["polyline_clearance"][()][points].tolist() == run["steps/clearance"][:8].tolist()
+        ends = [*points[1:], len(data["polyline_clearance"])]
+        clearance = [data["polyline_clearance"][a:b] for a, b in zip(points, ends, strict=True)]
+        assert [part.min() for part in clearance] == run["steps/clearance"][:8].tolist()
+        assert all(part.max() > part.min() for part in clearance)
 
 
 def test_where_the_polyline_is_not_known_to_be_isotopic_is_said(cli: Callable, npz: Callable, tmp_path: Path) -> None:
