@@ -3,6 +3,10 @@
 Every segment is asked whether it meets itself (S1), every joint whether its two segments meet elsewhere (S2), and every
 pair of segments that share no point whether they meet (S3). Chords settle nearly all of that (`geometry.segmentpairs`);
 what they leave is listed and settled by hulls, and by halving (`geometry.subdivision`).
+
+Every kernel that calls another compiles it again, with all that this one calls. So a kernel with much below it and one
+caller is inlined there, which spares that; and the three kinds of checks come as numbers in one list, to be settled in
+one place, so that what settles them is compiled once and not for each kind.
 """
 
 from typing import NamedTuple
@@ -76,7 +80,7 @@ class CurveMeasure(NamedTuple):
     countable: bool
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def measure_curve(
     c0: FloatArray,
     c1: FloatArray,
@@ -148,7 +152,7 @@ CLEARANCE = 0
 RUNG, DEPTH, N_OPEN, N_FOUND, FIRST, SECOND = 0, 1, 2, 3, 4, 5
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def fresh_tally(clearance: float) -> Tally:
     """Return a tally of nothing, to be followed up to a clearance, Å."""
     counts = np.zeros(6, dtype=np.int64)
@@ -260,7 +264,7 @@ def settle_checks(
                 tally.counts[FIRST], tally.counts[SECOND] = i, j
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _place(c: FloatArray, k: int, shift: Vector, out: FloatArray) -> None:
     """Write the control points of an image of a segment."""
     for i in range(c.shape[1]):
@@ -268,7 +272,7 @@ def _place(c: FloatArray, k: int, shift: Vector, out: FloatArray) -> None:
             out[i, axis] = c[k, i, axis] + shift[axis]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _note(answer: Answer, i: int, j: int, image: tuple[int, int, int], shapes: Shapes, tally: Tally) -> bool:
     """Take an answer into the tally, and return whether the check stays open."""
     counts = tally.counts

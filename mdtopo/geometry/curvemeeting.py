@@ -144,7 +144,7 @@ def locate(
     return _largest_cube(a0, a1, b0, b1, (t, u, v), room, slack, greatest)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _largest_cube(
     a0: FloatArray,
     a1: FloatArray,

@@ -55,7 +55,7 @@ class Pieces(NamedTuple):
     depths: NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def whole_check(kind: int, a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: FloatArray, deepest: int) -> Pieces:
     """Return a stack that can hold the parts of a check down to a depth, and holds the check itself."""
     room = (MOST_PARTS - 1) * (deepest + 1) + 1
@@ -71,7 +71,7 @@ def whole_check(kind: int, a0: FloatArray, a1: FloatArray, b0: FloatArray, b1: F
     return Pieces(points, boxes, kinds, depths)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def take_top(pieces: Pieces, waiting: int) -> int:
     """Move the top of the stack to its last row, so that its parts can take its place; return that row."""
     last, top = len(pieces.kinds) - 1, waiting - 1
@@ -85,7 +85,7 @@ def take_top(pieces: Pieces, waiting: int) -> int:
     return last
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def halve_piece(pieces: Pieces, waiting: int, are_ends_clear: bool, rho: float) -> int:
     """Put the parts of the piece in the last row on the stack, and return how many pieces wait there.
 
@@ -122,7 +122,7 @@ def extent(points: FloatArray, row: int, first: int) -> float:
     return np.sqrt(greatest)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _halve_in_time(pieces: Pieces, waiting: int) -> int:
     """Put the later half on the stack, and the earlier one, which is looked at first, on top of it."""
     points, boxes, last = pieces.points, pieces.boxes, len(pieces.kinds) - 1
@@ -142,7 +142,7 @@ def _halve_in_time(pieces: Pieces, waiting: int) -> int:
     return waiting + 2
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _halve_in_space(pieces: Pieces, waiting: int, how: int) -> int:
     """Put the parts that a row of `PARTS` names on the stack."""
     points, boxes, last = pieces.points, pieces.boxes, len(pieces.kinds) - 1

@@ -56,7 +56,7 @@ def vectors_of(kind: int, first: FloatArray, second: FloatArray, out: FloatArray
     return n if kind == SELF else 2 * n
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def climb(v: FloatArray, count: int, slack: float) -> tuple[float, int, float, float, float]:
     """Return what rungs 3 to 5 say of vectors that move linearly.
 
@@ -100,7 +100,7 @@ def climb(v: FloatArray, count: int, slack: float) -> tuple[float, int, float, f
     return min(clearance, 0.0), NOT_AT_ALL, low[0], low[1], rho
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def greatest_motion(v: FloatArray, count: int) -> float:
     """Return ρ, how far one of the vectors moves at most, rounding included; V as in `climb`."""
     moved, longest = 0.0, 0.0

@@ -70,7 +70,7 @@ def shapes_of(c0: FloatArray, c1: FloatArray) -> Shapes:
     return shapes
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def _take_in(c: FloatArray, mid: FloatArray, half: FloatArray, shapes: Shapes) -> None:
     """Write chords at one end of the step, and widen boxes and squared distances to what is found there."""
     n = c.shape[1] - 1

@@ -142,7 +142,7 @@ def is_inside(box: FloatArray, meetings: FloatArray, count: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def keep_meeting(
     meetings: FloatArray, count: int, place: tuple[float, float, float], radius: float, sign: int, kind: int
 ) -> int:
