@@ -1,8 +1,13 @@
 """Ends runs at random moments, goes on with them, and compares what comes out with an uninterrupted run.
 
 ``python kill_runs.py FOLDER HOW COUNT SEED [INPUT ...]`` prints what it did as JSON. HOW is ``kill`` (SIGKILL),
-``term`` (SIGTERM) or ``full`` (no file may grow beyond a random size). Children are forked from a process that has
-everything loaded, so that the moments fall into the run and not into its imports.
+``term`` (SIGTERM), ``full`` (no file may grow beyond a random size) or ``tmpfs`` (the folder, which is a small file
+system of its own, has a random number of bytes left). Children are forked from a process that has everything loaded,
+so that the moments fall into the run and not into its imports.
+
+In what is printed, ``ended`` counts runs that were ended before they were done, ``late`` signals that found theirs
+done, ``equal`` the outputs that in the end were those of the uninterrupted run, of ``chains``. ``parts_safe`` says how
+many parts were finished when runs were ended, and how often.
 """
 
 import hashlib
@@ -10,10 +15,12 @@ import json
 import os
 import random
 import resource
+import select
 import shutil
 import signal
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +28,13 @@ import h5py
 import numpy as np
 
 from mdtopo.cli import main
+
+PART_STEPS = 20
+MOST_ENDS = 6
+"""How often one output is ended; else most ends would find it all but done."""
+
+ENDED = {"kill": (-9,), "term": (75, -15), "full": (4,), "tmpfs": (4,)}
+"""Exit codes of a run that was ended; SIGTERM before the first block has its own."""
 
 
 def write_input(path: Path, n_frames: int = 240) -> Path:
@@ -40,9 +54,18 @@ def write_input(path: Path, n_frames: int = 240) -> Path:
     return path
 
 
+def leave_free(folder: Path, free: int | None) -> None:
+    """Fill the file system of a folder up to a number of bytes; None empties it again."""
+    filler = folder / "filler"
+    filler.unlink(missing_ok=True)
+    if free is not None:
+        left = os.statvfs(folder)
+        filler.write_bytes(bytes(max(left.f_bavail * left.f_frsize - free, 0)))
+
+
 def command(inputs: list[str], out: Path) -> list[str]:
     alerts = str(out.with_suffix(".jsonl"))
-    short = ["--threads", "2", "--block-steps", "4", "--part-steps", "20"]
+    short = ["--threads", "2", "--block-steps", "4", "--part-steps", str(PART_STEPS)]
     return ["monitor", *inputs, "-o", str(out), "--alerts", alerts, "-q", *short]
 
 
@@ -92,8 +115,13 @@ class Chain:
         self.parts = folder / "run.h5.parts"
         self.words = command(inputs, self.out)
         self.reference = reference
-        self.lost = 0
+        self.lost = self.n_ended = 0
         self._before: dict[str, str] = {}
+
+    @property
+    def n_parts(self) -> int:
+        """How many parts are finished."""
+        return len(self._before)
 
     def look(self) -> bool:
         """Count parts that were lost; return whether the run is finished."""
@@ -111,43 +139,83 @@ class Chain:
         return same and len(ids) == len(set(ids)) and not self.parts.exists()
 
 
-def run(folder: Path, how: str, count: int, seed: int, inputs: list[str]) -> dict[str, Any]:
-    rng = random.Random(seed)
+def ends_within(child: int, seconds: float) -> bool:
+    """Wait so long, or until the child has ended; return whether it has."""
+    descriptor = os.pidfd_open(child)
+    try:
+        return bool(select.select([descriptor], [], [], seconds)[0])
+    finally:
+        os.close(descriptor)
+
+
+class Ender:
+    """Starts a run, and ends it at a random moment or with a random amount of room."""
+
+    def __init__(self, folder: Path, how: str, seed: int, reference: Path, duration: float) -> None:
+        self.folder = folder
+        self.how = how
+        self.random = random.Random(seed)
+        self.duration = duration
+        self.size = reference.stat().st_size
+        self.n_parts = -(-(len(h5py.File(reference)["steps/verdict"])) // PART_STEPS)
+
+    def run(self, chain: Chain, *, may_end: bool) -> tuple[int, bool]:
+        """Return the exit code, and whether a signal was sent."""
+        by_signal = may_end and self.how in ("kill", "term")
+        limit = self.random.randrange(2_000, self.size) if self.how == "full" and may_end else None
+        if self.how == "tmpfs":
+            leave_free(self.folder, self.random.randrange(2_000, self._room(chain)) if may_end else None)
+        child = start(chain.words, limit)
+        if by_signal:
+            is_late = ends_within(child, self.random.uniform(0.0, self.duration))
+            os.kill(child, signal.SIGKILL if self.how == "kill" else signal.SIGTERM)
+            if not chain.n_ended:  # how long a run takes depends on what else the machine does
+                self.duration *= 0.8 if is_late else 1.05
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), by_signal
+
+    def _room(self, chain: Chain) -> int:
+        """Return what is left to be written: parts, and the results file."""
+        return 2 * self.size + (self.n_parts - chain.n_parts) * 120_000
+
+
+def uninterrupted(folder: Path, inputs: list[str]) -> tuple[Path, float]:
+    """Return the results of a run that nobody ends, and how long it took once all was loaded."""
     reference = folder / "reference" / "run.h5"
-    reference.parent.mkdir(parents=True)
-    assert main(command(inputs, reference)) == 0
-    shutil.rmtree(reference.parent)
-    reference.parent.mkdir()
-    began = time.perf_counter()
-    assert main(command(inputs, reference)) == 0
-    duration, size = time.perf_counter() - began, reference.stat().st_size
-    done: dict[str, Any] = {"ended": 0, "codes": {}, "chains": 0, "equal": 0, "lost_parts": 0, "failed": []}
+    for _ in range(2):
+        shutil.rmtree(reference.parent, ignore_errors=True)
+        reference.parent.mkdir(parents=True)
+        began = time.perf_counter()
+        assert main(command(inputs, reference)) == 0
+    return reference, time.perf_counter() - began
+
+
+def run(folder: Path, how: str, count: int, seed: int, inputs: list[str]) -> dict[str, Any]:
+    reference, duration = uninterrupted(folder, inputs)
+    ender = Ender(folder, how, seed, reference, duration)
+    done: dict[str, Any] = {"ended": 0, "late": 0, "chains": 0, "equal": 0, "lost_parts": 0, "failed": []}
+    codes, safe = Counter[str](), Counter[int]()
     while done["ended"] < count:
         place = folder / f"chain{done['chains']}"
         place.mkdir()
         chain = Chain(place, inputs, reference)
         while True:
-            last = done["ended"] >= count
-            limit = rng.randrange(2_000, size) if how == "full" and not last else None
-            child = start(chain.words, limit)
-            if how != "full" and not last:
-                time.sleep(rng.uniform(0.0, duration))
-                os.kill(child, signal.SIGKILL if how == "kill" else signal.SIGTERM)
-            code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-            done["codes"][str(code)] = done["codes"].get(str(code), 0) + 1
+            code, was_signalled = ender.run(chain, may_end=done["ended"] < count and chain.n_ended < MOST_ENDS)
+            codes[str(code)] += 1
             done["ended"] += code != 0
-            if code == 0 or (code < 0 and chain.out.exists() and not chain.parts.exists()):
-                chain.look()
-                break
-            if code not in (-9, -15, 75, 4):
+            done["late"] += code == 0 and was_signalled
+            if code not in (0, *ENDED[how]):
                 done["failed"].append(code)
                 break
-            chain.look()
+            if chain.look() and not chain.parts.exists():
+                break
+            safe[chain.n_parts] += 1
+            chain.n_ended += 1
         done["chains"] += 1
         done["equal"] += chain.is_equal() if chain.out.exists() else 0
         done["lost_parts"] += chain.lost
         shutil.rmtree(place)
-    return done
+    shown = {str(parts): times for parts, times in sorted(safe.items())}
+    return {**done, "codes": dict(codes), "parts_safe": shown, "seconds_of_a_run": round(duration, 2)}
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import json
 import os
 import socket
 import struct
+import time
 from pathlib import Path
 from typing import Self
 
@@ -13,6 +14,9 @@ from mdtopo.errors import OutputError
 
 HELD: set[Path] = set()
 """Locks of this process: to the system a process never stands in its own way."""
+
+SETTLE_SECONDS = 0.1
+"""Where there are no locks, how far apart two processes must look and write at the same moment to go unnoticed."""
 
 FLOCK = "hhqqi4x"
 """``struct flock`` of Linux on machines of 64 bits: type, whence, start, length, process."""
@@ -44,13 +48,15 @@ class OutputLock:
         self._path = path.resolve()
         if self._path in HELD:
             raise OutputError(f"{output} is being written by another run of this process; wait for it.")
-        self._file = _locked(self._path, output)
+        self._file, has_lock = _locked(self._path, output)
         while not _is_named(self._file, self._path):  # its holder removed it between our opening and our locking
             os.close(self._file)
-            self._file = _locked(self._path, output)
+            self._file, has_lock = _locked(self._path, output)
         os.ftruncate(self._file, 0)
         text = json.dumps({"host": socket.gethostname(), "pid": os.getpid()})
         os.pwrite(self._file, text.encode(), 0)
+        if not has_lock:
+            _refuse_overwritten(self._file, output)
         HELD.add(self._path)
 
     def release(self) -> None:
@@ -89,7 +95,8 @@ def is_held(path: Path) -> bool:
         os.close(descriptor)
 
 
-def _locked(path: Path, output: Path) -> int:
+def _locked(path: Path, output: Path) -> tuple[int, bool]:
+    """Return the open file, and whether it is locked; without locks, nobody lives who has written into it."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -98,7 +105,17 @@ def _locked(path: Path, output: Path) -> int:
         if error.errno not in UNSUPPORTED or _lives_here(holder):
             os.close(descriptor)
             raise _refusal(output, holder) from error
-    return descriptor
+        return descriptor, False
+    return descriptor, True
+
+
+def _refuse_overwritten(descriptor: int, output: Path) -> None:
+    """Without locks, leave the output to another one that has begun at the same moment: the last name written stays."""
+    time.sleep(SETTLE_SECONDS)
+    holder = _holder(descriptor)
+    if _lives_here(holder):
+        os.close(descriptor)
+        raise _refusal(output, holder)
 
 
 def _is_named(descriptor: int, path: Path) -> bool:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -27,11 +29,23 @@ ROOT = Path(__file__).parents[3]
 SHORT = PartLength(steps=20)
 
 
+def small_file_system(folder: Path) -> list[str]:
+    """Return what begins a command that has a small file system in the place of a folder."""
+    folder.mkdir()
+    own = ["unshare", "--map-root-user", "--mount"]
+    mounting = f"mount -t tmpfs -o size=8m tmpfs {shlex.quote(str(folder))}"
+    if not shutil.which("unshare") or subprocess.run([*own, "sh", "-c", mounting], check=False).returncode:
+        pytest.skip("this system does not let its users mount a tmpfs")
+    return [*own, "sh", "-c", f'{mounting} && exec "$@"', "sh"]
+
+
 def ended_runs(folder: Path, how: str, count: int, seed: int) -> dict[str, object]:
     words = [sys.executable, str(ROOT / "tests" / "kill_runs.py"), str(folder), how, str(count), str(seed)]
+    words = [*small_file_system(folder), *words] if how == "tmpfs" else words
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr
+    sys.stdout.write(f"{how}: {done.stdout}")
     found: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
     return found
 
@@ -44,13 +58,13 @@ def check_ended_runs(folder: Path, how: str, count: int) -> None:
     assert found["chains"] == found["equal"] > 0
 
 
-@pytest.mark.parametrize("how", ["kill", "term", "full"])
-def test_whatever_ends_a_run_it_goes_on_and_ends_as_if_nothing_had_been(tmp_path: Path, how: str) -> None:
-    check_ended_runs(tmp_path / how, how, 20)
+@pytest.mark.parametrize(("how", "count"), [("kill", 20), ("term", 12), ("full", 6), ("tmpfs", 6)])
+def test_whatever_ends_a_run_it_goes_on_and_ends_as_if_nothing_had_been(tmp_path: Path, how: str, count: int) -> None:
+    check_ended_runs(tmp_path / how, how, count)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["kill", "term", "full"])
+@pytest.mark.parametrize("how", ["kill", "term", "full", "tmpfs"])
 def test_two_hundred_times(tmp_path: Path, how: str) -> None:
     check_ended_runs(tmp_path / how, how, 200)
 
