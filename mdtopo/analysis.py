@@ -6,20 +6,25 @@ what later groups should have measured; from the first group that this concerns 
 order. So every backend gives the same bits.
 """
 
-from collections.abc import Iterator, Sequence
+import pickle
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from MDAnalysis.analysis.backends import BackendBase
 from MDAnalysis.analysis.base import AnalysisBase
 from MDAnalysis.analysis.results import Results, ResultsGroup
 
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import reference_lengths
 from mdtopo.curverows import refuse_long_strands
+from mdtopo.errors import ClusterError
 from mdtopo.measure import measure_block
 from mdtopo.notebook import plot_steps, steps_dataframe
 from mdtopo.pipeline import Tally, block_of, refuse_winding, with_coordinate_error
+from mdtopo.pipeline.cluster import LOST_WORKER
 from mdtopo.planning import Setting, reference_samples
 from mdtopo.readers import ReaderRequest, Source
 from mdtopo.readers.mdanalysis import MDAnalysisReader
@@ -43,6 +48,56 @@ class FrameGroup:
     frames: tuple[int, ...]
     tables: tuple[StepTable, ...]
     setting: Setting
+
+
+class ClusterBackend(BackendBase):  # type: ignore[misc] # MDAnalysis has no py.typed
+    """Gives the groups of frames as tasks to a cluster of dask.distributed.
+
+    Parameters
+    ----------
+    n_workers : int
+        Into how many groups the frames are split, unless `n_parts` says it.
+    client : distributed.Client
+        Of a cluster whose workers find the trajectory under the same name.
+    """
+
+    def __init__(self, n_workers: int, client: Any) -> None:
+        super().__init__(n_workers=n_workers)
+        self._client = client
+
+    def apply(self, func: Callable[[Any], Any], computations: list[Any]) -> list[Any]:
+        """Return what the function makes of each group.
+
+        Raises
+        ------
+        ClusterError
+            If the workers that had a group died.
+        """
+        from distributed import KilledWorker
+
+        # in bytes: tasks of one worker would be given one object, and its trajectory stands at one frame
+        packed = self._client.scatter(pickle.dumps(func), hash=False)
+        tasks = [self._client.submit(_on_a_copy, packed, group, pure=False) for group in computations]
+        try:
+            done: list[Any] = self._client.gather(tasks)
+        except KilledWorker as error:
+            raise ClusterError(f"A group of frames was not measured: {LOST_WORKER}.") from error
+        return done
+
+
+def _on_a_copy(packed: bytes, group: Any) -> Any:
+    return pickle.loads(packed)(group)
+
+
+def _active_client() -> Any:
+    """Return the client that Dask's own functions would use now; None where there is none."""
+    distributed = sys.modules.get("distributed")  # who has made a client has imported it
+    if distributed is None:
+        return None
+    try:
+        return distributed.default_client()
+    except ValueError:
+        return None
 
 
 class IsotopyResults(Results):  # type: ignore[misc] # MDAnalysis has no py.typed
@@ -90,6 +145,11 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
     InputError
         If the atoms do not form strands.
 
+    Notes
+    -----
+    With ``backend="dask"``, frames are measured on the cluster of the active `distributed.Client`; where there is none,
+    by processes of this machine, as MDAnalysis does it.
+
     Guarantee
     ---------
     Proven: see `mdtopo.measure.measure_plan`. On every backend the numbers are those of `mdtopo.monitor`, bit for bit.
@@ -119,6 +179,23 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         self._periodic = first[0].cell is not None
         reference = reference_lengths(reference_samples(first, self._reader.strands))
         self._start = Setting.start(self._reader.strands, self._config, reference)
+
+    def run(self, *args: Any, **kwargs: Any) -> "IsotopyAnalysis":
+        """Run the analysis; parameters as of MDAnalysis' `AnalysisBase.run`.
+
+        On a cluster, `n_workers` is by default the number of tasks that it does at once.
+        """
+        client = _active_client() if kwargs.get("backend") == "dask" else None
+        if client is not None and kwargs.get("n_workers") is None:
+            kwargs["n_workers"] = max(sum(client.nthreads().values()), 1)
+        done: IsotopyAnalysis = super().run(*args, **kwargs)
+        return done
+
+    def _configure_backend(self, backend: Any, n_workers: int, unsupported_backend: bool = False) -> Any:
+        """Return MDAnalysis' own backend, or that of the cluster which is active."""
+        usual = super()._configure_backend(backend, n_workers, unsupported_backend)
+        client = _active_client() if backend == "dask" else None
+        return usual if client is None else ClusterBackend(n_workers, client)
 
     def _compute(self, *args: Any, **kwargs: Any) -> Any:
         """Measure one group of frames on a copy of its own.

@@ -1,7 +1,9 @@
 """The MDAnalysis adapter gives the bits of a serial run, on every backend and for every choice of frames."""
 
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import MDAnalysis
 import numpy as np
@@ -9,6 +11,8 @@ import pytest
 from MDAnalysis.coordinates.memory import MemoryReader
 
 from mdtopo import IsotopyAnalysis, MonitorConfig, Scope, steps
+from mdtopo.analysis import ClusterBackend
+from mdtopo.errors import ClusterError
 from mdtopo.pipeline import step_tables
 from mdtopo.readers import Reader, ReaderRequest, Source, open_reader
 from mdtopo.records import RunVerdict, StepTable
@@ -79,6 +83,54 @@ def test_dask_gives_the_bits_of_a_serial_run() -> None:
     atoms = universe(breaks_at=6).atoms
     serial, dask = IsotopyAnalysis(atoms).run(), IsotopyAnalysis(atoms).run(backend="dask", n_workers=2)
     assert same(dask.results.steps, serial.results.steps)
+
+
+@pytest.fixture(scope="module")
+def client() -> Iterator[Any]:
+    """Two tasks at once in one worker of this process, which share what is not copied."""
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra 'dask')")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address="127.0.0.1:0", silence_logs="CRITICAL"
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+@pytest.mark.parametrize("how", [{}, {"n_workers": 2, "n_parts": 7}])
+@pytest.mark.parametrize("breaks_at", [None, 6])
+def test_a_cluster_gives_the_bits_of_a_serial_run(
+    client: Any, breaks_at: int | None, how: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    atoms = universe(breaks_at=breaks_at, bad_frame=9).atoms
+    serial = IsotopyAnalysis(atoms).run()
+    groups: list[int] = []
+    apply = ClusterBackend.apply
+    monkeypatch.setattr(
+        ClusterBackend, "apply", lambda self, func, parts: groups.append(len(parts)) or apply(self, func, parts)
+    )
+    with client.as_current():
+        on_cluster = IsotopyAnalysis(atoms).run(backend="dask", **how)
+    assert groups == [how.get("n_parts", 2)]
+    assert same(on_cluster.results.steps, serial.results.steps)
+    assert on_cluster.results.alerts == serial.results.alerts
+
+
+def test_a_group_whose_worker_dies_is_one_sentence(client: Any, intact: MDAnalysis.Universe) -> None:
+    from distributed import KilledWorker
+
+    class Client:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(client, name)
+
+        def gather(self, tasks: list[Any]) -> list[Any]:
+            client.gather(tasks)
+            raise KilledWorker("group", None, 4)
+
+    backend = ClusterBackend(1, Client())
+    with pytest.raises(ClusterError, match="A group of frames was not measured: its worker died"):
+        backend.apply(len, [[1, 2]])
 
 
 @pytest.mark.parametrize("breaks_at", [None, 6])
