@@ -1,4 +1,4 @@
-"""Step columns in a notebook: a plot of clearance and ratio, a data frame, and an HTML table of a run."""
+"""Results in a notebook: plots of clearance and ratio over time and by vertex, data frames, an HTML table of a run."""
 
 from collections.abc import Iterable, Mapping
 from html import escape
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mdtopo.errors import MissingDependencyError
-from mdtopo.records import Alert, AlertKind, MonitorConfig, Severity, StepTable
+from mdtopo.records import Alert, AlertKind, MonitorConfig, Profile, Severity, StepTable, Strands
 from mdtopo.states import CRITERION_COLUMN
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ BLUE, ORANGE = "#0072B2", "#D55E00"
 
 WIDE = 5.0
 """A ratio beyond this would press the limit, 1, to the foot of a linear axis."""
+
+MOST_CELLS = 500_000
+"""Values that a heat map shows: many more take matplotlib seconds."""
 
 BELOW = -0.06
 """Where alerts are marked: between the panels, in shares of the upper one's height, where they hide no line."""
@@ -86,6 +89,74 @@ def _mark_alerts(axes: Any, x: NDArray[Any], first_step: int, alerts: Iterable[A
             axes.plot(x[rows], np.full(len(rows), BELOW), marker, color=color, markersize=5, label=label, **places)
 
 
+def plot_profile(profile: Profile, columns: Columns, first_step: int, ax: Any = None) -> "Axes":
+    """Return matplotlib axes with a heat map of the clearance, vertices by time; 0 has a colour of its own.
+
+    Parameters
+    ----------
+    profile : Profile
+        With more than `MOST_CELLS` values it is shown in longer windows.
+    columns, first_step
+        As for `plot_steps`.
+    ax : matplotlib Axes, optional
+        Where to draw; by default new ones.
+    """
+    from matplotlib import pyplot
+    from matplotlib.colors import ListedColormap
+
+    axes: Any = pyplot.subplots(figsize=(8.0, 4.8))[1] if ax is None else ax
+    shown = profile.within(MOST_CELLS)
+    in_time = bool(len(shown)) and bool(np.isfinite(columns["time_t0"]).all())
+    axes.set(xlabel="time (ps)" if in_time else "step", ylabel="vertex")
+    if not len(shown):
+        found: Axes = axes
+        return found
+    frames = columns["frame_t0"]
+    windows = np.arange(shown.window[0], shown.window[-1] + 1)
+    begins = np.searchsorted(frames, windows * shown.window_frames)
+    end = int(np.searchsorted(frames, (windows[-1] + 1) * shown.window_frames))
+    x = first_step + np.append(begins, end)
+    if in_time:
+        x = np.append(columns["time_t0"][begins], columns["time_t1"][end - 1])
+    values = np.full((shown.clearance.shape[1], len(windows)), np.nan, dtype=np.float32)
+    values[:, shown.window - windows[0]] = shown.clearance.T
+    y = np.arange(len(values) + 1) - 0.5
+    axes.set_facecolor("#d4d7dc")  # what was not measured
+    drawn = axes.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="YlGnBu_r", vmin=0.0)
+    axes.pcolormesh(x, y, np.ma.masked_where(~(values == 0.0), values), cmap=ListedColormap([ORANGE]))
+    axes.figure.colorbar(drawn, ax=axes, label="clearance (Å)")
+    axes.invert_yaxis()
+    made: Axes = axes
+    return made
+
+
+def profile_dataframe(profile: Profile, strands: Strands) -> Any:
+    """Return a pandas DataFrame with a row for each window, by its step, and a column for each vertex, by its label.
+
+    Raises
+    ------
+    MissingDependencyError
+        If pandas is not installed.
+    """
+    pandas = _pandas()
+    labels = [strands.labels.text(vertex) for vertex in range(strands.n_vertices)]
+    return pandas.DataFrame(
+        profile.clearance,
+        index=pandas.Index(profile.step, name="step"),
+        columns=pandas.Index(labels, name="vertex"),
+    )
+
+
+def _pandas() -> Any:
+    try:
+        import pandas
+    except ImportError as error:
+        raise MissingDependencyError(
+            'A data frame needs pandas, which is not installed; pip install "mdtopo[notebook]".'
+        ) from error
+    return pandas
+
+
 def steps_dataframe(columns: Columns, first_step: int) -> Any:
     """Return a pandas DataFrame with a row for each step (the index), enums as categories of names.
 
@@ -97,12 +168,7 @@ def steps_dataframe(columns: Columns, first_step: int) -> Any:
     MissingDependencyError
         If pandas is not installed.
     """
-    try:
-        import pandas
-    except ImportError as error:
-        raise MissingDependencyError(
-            'A data frame needs pandas, which is not installed; pip install "mdtopo[notebook]".'
-        ) from error
+    pandas = _pandas()
     enums = {column.name: column.enum for column in StepTable.columns()}
     flat: dict[str, Any] = {}
     order = {name: k for k, name in enumerate(enums)}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mdtopo.bonds import BondState
 from mdtopo.errors import InputError, MissingFileError
-from mdtopo.notebook import html_table, plot_steps, steps_dataframe
+from mdtopo.notebook import html_table, plot_profile, plot_steps, profile_dataframe, steps_dataframe
 from mdtopo.records import (
     Alert,
     AlertKind,
@@ -114,6 +114,31 @@ class Results:
     def to_dataframe(self) -> Any:
         """Return the step columns as a pandas DataFrame; see `steps_dataframe`."""
         return steps_dataframe(self.steps, self.first_step)
+
+    def plot_profile(self, ax: Any = None) -> "Axes":
+        """Return matplotlib axes with a heat map of the clearance, vertices by time; see `plot_profile`.
+
+        Raises
+        ------
+        InputError
+            If the file holds no profile, or it was not read.
+        """
+        return plot_profile(self._known_profile(), self.steps, self.first_step, ax)
+
+    def profile_dataframe(self) -> Any:
+        """Return the profile as a pandas DataFrame, windows by vertices; see `profile_dataframe`.
+
+        Raises
+        ------
+        InputError
+            If the file holds no profile, or it was not read.
+        """
+        return profile_dataframe(self._known_profile(), self.strands)
+
+    def _known_profile(self) -> Profile:
+        if self.profile is None:
+            raise InputError("These results hold no profile: read the file with all its columns, or run it again.")
+        return self.profile
 
     def _repr_html_(self) -> str:
         """Return a table for a notebook."""

@@ -2,13 +2,14 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 
 import mdtopo
-from mdtopo.errors import MissingDependencyError
+from mdtopo.errors import InputError, MissingDependencyError
 from mdtopo.records import MonitorConfig, Strands
 from mdtopo.store import Results, read_results
 
@@ -71,6 +72,40 @@ def test_the_plot_holds_every_step_the_limit_and_the_alerts(run: tuple[mdtopo.Ru
     own = pyplot.figure().add_subplot()
     assert results.plot(own) is own
     pyplot.close("all")
+
+
+def test_the_heat_map_holds_every_value_of_the_profile(tmp_path: Path) -> None:
+    from matplotlib import pyplot
+
+    rng = np.random.default_rng(1)
+    frames = np.cumsum(np.ones((9, 3)), axis=0) + np.cumsum(rng.normal(0, 0.03, (40, 9, 3)), axis=0)
+    frames[20, 2, 1] = np.nan
+    config = MonitorConfig(motion="lab", profile_steps=2)
+    mdtopo.monitor(frames, strands=Strands.from_lengths([9]), out=tmp_path / "run.h5", config=config)
+    results = read_results(tmp_path / "run.h5")
+    profile = results.profile
+    assert profile is not None
+    ax = results.plot_profile()
+    mesh, crossed = ax.collections
+    expected = np.full((9, 20), np.nan, dtype=np.float32)
+    expected[:, profile.window] = profile.clearance.T
+    np.testing.assert_array_equal(mesh.get_array().filled(np.nan), expected)
+    assert crossed.get_array().mask.all()
+    assert ax.get_xlim() == (0.0, 39.0)
+    own = pyplot.figure().add_subplot()
+    assert results.plot_profile(own) is own
+    pyplot.close("all")
+    with pytest.raises(InputError, match="hold no profile"):
+        replace(results, profile=None).plot_profile()
+    empty = mdtopo.monitor(frames[:1], strands=Strands.from_lengths([9]), out=tmp_path / "empty.h5")
+    assert empty.results is not None
+    assert read_results(empty.results).plot_profile().get_ylabel() == "vertex"
+    pyplot.close("all")
+    pytest.importorskip("pandas", reason="pandas is not installed: data frames are optional")
+    table = results.profile_dataframe()
+    assert table.index.tolist() == profile.step.tolist()
+    assert table.columns.tolist() == [results.strands.labels.text(v) for v in range(9)]
+    np.testing.assert_array_equal(table.to_numpy(), profile.clearance)
 
 
 def test_without_pandas_one_sentence_says_what_to_install(
