@@ -81,9 +81,10 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
         rotations = _rotations(plan, part, measurable, config)
         crossings += _measure_part(plan, part, measurable, rotations, strands, config, rows, reasons)
         curve.measure(plan, part, rows, rotations, strands, config)
-        profiles.append(part_profile(plan, part, rows, _least_clearance(rows)[0], rotations, config))
+        if config.profile_steps:
+            profiles.append(part_profile(plan, part, rows, _least_clearance(rows)[0], rotations, config))
     table = _table(plan, columns, curve, bad, reasons, Crossings.joined(crossings), strands, config)
-    return replace(table, profile=Profile.joined(profiles))
+    return replace(table, profile=Profile.joined(profiles)) if profiles else table
 
 
 def _rotations(plan: BlockPlan, part: Stretch, measurable: Flags, config: MonitorConfig) -> PointSeries:

@@ -65,13 +65,13 @@ def polyline_step(
     positions = np.empty((2, *x0.shape))
     positions[0], positions[1] = x0, x1
     block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), positions, cells, problems=("", ""))
-    return measure_plan(plan_step(block, strands), strands, _without_curve(config or MonitorConfig())).report(0)
+    return measure_plan(plan_step(block, strands), strands, _of_one_step(config or MonitorConfig())).report(0)
 
 
 @cache
-def _without_curve(config: MonitorConfig) -> MonitorConfig:
-    """Return the configuration that looks at the polyline alone; the curve's step is `curve_step`."""
-    return replace(config, curve="none")
+def _of_one_step(config: MonitorConfig) -> MonitorConfig:
+    """Return the configuration that looks at the polyline of one step alone; the curve's step is `curve_step`."""
+    return replace(config, curve="none", profile_steps=0)
 
 
 def nu(x: Points, strands: Strands, *, cell: Cell | None = None) -> float:

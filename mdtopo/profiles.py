@@ -26,7 +26,7 @@ def part_profile(
     rotations : ndarray, shape (k, 3, 3)
         What was taken out of each.
     config : MonitorConfig
-        Says whether anything was, and how many steps a window has; 0 for no profile.
+        Says whether anything was, and how many steps a window has, one at least.
 
     Guarantee
     ---------
@@ -35,7 +35,7 @@ def part_profile(
     """
     n_vertices = plan.block.positions.shape[1]
     able = _able(rows, least)
-    if not config.profile_steps or not able.any():
+    if not able.any():
         return Profile.none(n_vertices)
     frames = plan.block.frames[part.steps.start : part.steps.stop]
     length = config.profile_steps * int(plan.block.frames[1] - plan.block.frames[0])

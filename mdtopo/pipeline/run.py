@@ -209,7 +209,7 @@ class _Job:
         blocks = measured_blocks(
             self.reader,
             frames=self.frames,
-            config=self.config,
+            config=self.config if self.output is not None else replace(self.config, profile_steps=0),
             threads=self.threads,
             on_reference=self.output.note_reference if self.output is not None else None,
             restart=self.output.restart() if self.output is not None else None,

@@ -78,7 +78,7 @@ def steps(
     """
     opened = open_input(*inputs, select=select, strands=strands, reader=reader, reader_options=reader_options)
     with opened:
-        settled = with_coordinate_error(config or MonitorConfig(), opened)
+        settled = replace(with_coordinate_error(config or MonitorConfig(), opened), profile_steps=0)
         for table in step_tables(opened, frames=frames, config=settled, threads=threads):
             yield from table.reports()
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +147,9 @@ class _Watched:
         self._periodic = first[0].cell is not None
         self._stream = AlertStream(strands, self.config)
         self._say(self._stream.opening())
-        return Setting.start(strands, self.config, reference_lengths(reference_samples(first, strands)))
+        return Setting.start(
+            strands, replace(self.config, profile_steps=0), reference_lengths(reference_samples(first, strands))
+        )
 
     def _measure(self) -> None:
         if self._setting is None:
