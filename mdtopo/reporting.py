@@ -10,10 +10,13 @@ from mdtopo.errors import InputError, OutputError
 from mdtopo.records import Frame
 from mdtopo.reopening import frames_at, input_files, open_again
 from mdtopo.report import (
+    CURVE_COLUMNS,
+    NEEDED,
     Event,
     OverviewRow,
     RunData,
     Scene,
+    event_place,
     event_scene,
     multiqc_files,
     ranked_events,
@@ -54,7 +57,7 @@ def write_report(
         If the page cannot be written, or exists already.
     """
     check_target(out, overwrite=overwrite)
-    run = RunData.of(results, read_so_far(results))
+    run = RunData.of(results, read_so_far(results, columns=NEEDED, optional=CURVE_COLUMNS, profile=True))
     scenes, why = event_scenes(run, inputs, MOST_SCENES if views is None else views)
     write_text(out, render_page(run, scenes, no_views=why, n_views=views))
     return run
@@ -143,8 +146,9 @@ def event_scenes(run: RunData, inputs: Sequence[Path] = (), most: int = MOST_SCE
         pair = (frames[event.frames[0]], frames[event.frames[1]]) if event.frames is not None else None
         path = pair and step_path(pair, run.results.strands, run.results.broken, run.config, periodic)
         if path:
-            t = None if event.crossing is None else event.crossing.t
-            scenes[event.alert.id] = event_scene(*path, run.results.strands, event.edges, t)
+            t, on_curve = event_place(run, event)
+            kind = run.config.curve if run.config.curve != "none" else "interpolating"
+            scenes[event.alert.id] = event_scene(*path, run.results.strands, event.edges, t, kind, on_curve)
     return scenes, ""
 
 

@@ -1,5 +1,6 @@
 """One card for each strand, and for each pair of strands that met: how close it was, and what happened."""
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -25,7 +26,9 @@ class Card:
     place : str
         Between which edges.
     n_crossings, n_alerts : int
-        How many there are.
+        How many there are; crossings of the polyline.
+    n_curve_crossings : int
+        How many crossings of the smooth curve there are, counted apart.
     """
 
     title: str
@@ -35,6 +38,7 @@ class Card:
     place: str
     n_crossings: int
     n_alerts: int
+    n_curve_crossings: int = 0
 
     @property
     def concern(self) -> tuple[int, float, int]:
@@ -47,15 +51,12 @@ def strand_cards(run: RunData) -> list[Card]:
     strands, of = run.results.strands, run.results.strands.strand_of_vertex
     pairs, values = run.columns["clearance_self_pair"], run.columns["clearance_self"]
     best = _best_by_key(of[pairs[:, 0, 0]], pairs, values)
-    crossed = of[run.results.crossings.edges[:, :, 0]]
-    crossings = np.bincount(crossed[crossed[:, 0] == crossed[:, 1], 0], minlength=strands.n_strands)
-    alerts = _alert_counts(run)
+    counts = _Counts.of(run)
     cards = []
     for s, name in enumerate(strands.names):
         size = int(strands.offsets[s + 1] - strands.offsets[s])
         kind = f"{'ring' if strands.closed[s] else 'open strand'} of {size} vertices"
-        row = best.get(s, -1)
-        cards.append(_card(run, name, kind, row, pairs, values, int(crossings[s]), alerts.get(frozenset([name]), 0)))
+        cards.append(_card(run, name, kind, best.get(s, -1), pairs, values, counts.both(s, s, [name])))
     return sorted(cards, key=lambda card: card.concern)
 
 
@@ -65,17 +66,14 @@ def pair_cards(run: RunData) -> list[Card]:
     pairs, values, n = run.columns["clearance_inter_pair"], run.columns["clearance_inter"], strands.n_strands
     ends = np.sort(of[pairs[:, :, 0]], axis=1)
     best = _best_by_key(ends[:, 0] * n + ends[:, 1], pairs, values)
-    crossed = np.sort(of[run.results.crossings.edges[:, :, 0]], axis=1)
-    keys = crossed[:, 0] * n + crossed[:, 1]
-    found, counts = np.unique(keys[crossed[:, 0] != crossed[:, 1]], return_counts=True)
-    crossings = dict(zip(found.tolist(), counts.tolist(), strict=True))
-    alerts = _alert_counts(run)
+    counts = _Counts.of(run)
+    met = {divmod(key, n) for key in best} | {key for key in (*counts.crossings, *counts.of_curve) if key[0] != key[1]}
     cards = []
-    for key in sorted({*best, *crossings}):
-        one, two = strands.names[key // n], strands.names[key % n]
-        number = crossings.get(key, 0)
-        n_alerts = alerts.get(frozenset([one, two]), 0)
-        cards.append(_card(run, f"{one} × {two}", "two strands", best.get(key, -1), pairs, values, number, n_alerts))
+    for one, two in sorted(met):
+        names = [strands.names[one], strands.names[two]]
+        row = best.get(one * n + two, -1)
+        title = " × ".join(names)
+        cards.append(_card(run, title, "two strands", row, pairs, values, counts.both(one, two, names)))
     return sorted(cards, key=lambda card: card.concern)
 
 
@@ -87,12 +85,25 @@ def _best_by_key(keys: Indices, pairs: Indices, values: NDArray[np.float64]) -> 
     return dict(zip(found.tolist(), order[first].tolist(), strict=True))
 
 
-def _alert_counts(run: RunData) -> dict[frozenset[str], int]:
-    counts: dict[frozenset[str], int] = {}
-    for alert in run.results.alerts:
-        members = frozenset(alert.strands)
-        counts[members] = counts.get(members, 0) + 1
-    return counts
+@dataclass(frozen=True, slots=True)
+class _Counts:
+    """Crossings of the polyline and of the curve by their two strands, and alerts by the names of theirs."""
+
+    crossings: Counter[tuple[int, int]]
+    of_curve: Counter[tuple[int, int]]
+    alerts: Counter[frozenset[str]]
+
+    @classmethod
+    def of(cls, run: RunData) -> "_Counts":
+        strand_of = run.results.strands.strand_of_vertex
+        lists = (run.results.crossings, run.results.curve_crossings)
+        ends = [np.sort(strand_of[crossings.edges[:, :, 0]], axis=1).tolist() for crossings in lists]
+        of_edges, of_curve = (Counter((one, two) for one, two in pairs) for pairs in ends)
+        return cls(of_edges, of_curve, Counter(frozenset(alert.strands) for alert in run.results.alerts))
+
+    def both(self, one: int, two: int, names: list[str]) -> tuple[int, int, int]:
+        """Return how many crossings, alerts and crossings of the curve two strands have, or one with itself."""
+        return self.crossings[one, two], self.alerts[frozenset(names)], self.of_curve[one, two]
 
 
 def _card(
@@ -102,13 +113,12 @@ def _card(
     row: int,
     pairs: Indices,
     values: NDArray[np.float64],
-    n_crossings: int,
-    n_alerts: int,
+    counts: tuple[int, int, int],
 ) -> Card:
     if row < 0:
-        return Card(title, kind, float("nan"), -1, "", n_crossings, n_alerts)
+        return Card(title, kind, float("nan"), -1, "", *counts)
     step, place = run.results.first_step + row, pair_in_words(run, pairs[row])
-    return Card(title, kind, float(values[row]), step, place, n_crossings, n_alerts)
+    return Card(title, kind, float(values[row]), step, place, *counts)
 
 
 def pair_in_words(run: RunData, pair: Iterable[Indices]) -> str:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mdtopo.alerts import crossing_keys
-from mdtopo.records import Alert, AlertKind, Crossing, Grade, Severity
+from mdtopo.curvealerts import own_crossings
+from mdtopo.records import Alert, AlertKind, Crossing, Grade, Severity, Shape
 from mdtopo.report.rundata import WORST_KINDS, RunData
 
 PAIR_COLUMNS = {"pair": "pair_ratio_pair", "nu": "nu_pair", "clearance": "clearance_pair"}
@@ -20,7 +21,7 @@ class Event:
     ----------
     alert : Alert
     crossing : Crossing or None
-        Where the alert is about one.
+        Where the alert is about one, of edges or of the smooth curve.
     edges : tuple of tuple of int
         The edges that are marked: two, one (a bond), or none; a vertex is an edge with equal ends.
     frames : tuple of int or None
@@ -41,6 +42,16 @@ class Event:
         return "" if self.crossing is None else self.crossing.grade.name.lower()
 
     @property
+    def about_curve(self) -> bool:
+        """Whether it is about the smooth curve alone."""
+        return self.alert.object is Shape.CURVE
+
+    @property
+    def name(self) -> str:
+        """The kind of the alert; what it is about is said where that is the curve."""
+        return f"{self.alert.kind.value}{' of the curve' if self.about_curve else ''}"
+
+    @property
     def has_view(self) -> bool:
         """Whether there is something to look at: a pair or an edge, in a step."""
         return bool(self.edges) and self.frames is not None
@@ -57,12 +68,22 @@ def ranked_events(run: RunData) -> list[Event]:
 
 def _event(run: RunData, alert: Alert, row_of: dict[str, int]) -> Event:
     crossing = run.results.crossings[row_of[alert.id]] if alert.id in row_of else None
+    if alert.object is Shape.CURVE and alert.kind is AlertKind.CROSSING:
+        crossing = _curve_crossing(run, alert)
     if alert.kind is AlertKind.GAP or not 0 <= run.row(alert.step_peak) < run.n_steps:
         return Event(alert, crossing, (), None, (np.nan, np.nan))
     row, columns = run.row(alert.step_peak), run.columns
     frames = int(columns["frame_t0"][row]), int(columns["frame_t1"][row])
     times = float(columns["time_t0"][row]), float(columns["time_t1"][row])
     return Event(alert, crossing, _edges(run, alert, crossing, row), frames, times)
+
+
+def _curve_crossing(run: RunData, alert: Alert) -> Crossing | None:
+    """Return the crossing of the curve that an alert names: the surest of its worst step that the polyline lacks."""
+    results, step = run.results, alert.step_peak
+    own = own_crossings(results.curve_crossings.of_step(step), results.crossings.of_step(step), results.strands)
+    named = [crossing for crossing in own if _named(run, alert, crossing.edges.ravel().tolist())]
+    return max(named, key=lambda c: (c.grade, -c.motion / max(c.resolution, 1e-300)), default=None)
 
 
 def _edges(run: RunData, alert: Alert, crossing: Crossing | None, row: int) -> tuple[tuple[int, int], ...]:
@@ -77,6 +98,10 @@ def _edges(run: RunData, alert: Alert, crossing: Crossing | None, row: int) -> t
         found = columns["bond_stretch_edge"][row][np.newaxis]
     elif alert.kind is AlertKind.NEAR_LIMIT:
         found = columns[PAIR_COLUMNS[run.config.criterion]][row]
+    elif alert.object is Shape.CURVE:
+        found = columns["curve_clearance_pair"][row]
+        if not all(_is_edge(run, int(a), int(b)) for a, b in found):
+            return ()  # one segment for a whole strand goes with no edge
     elif alert.kind is AlertKind.UNRESOLVED:
         candidates = (columns["clearance_pair"][row], columns["pair_ratio_pair"][row])
         found = next((pair for pair in candidates if _named(run, alert, pair.ravel().tolist())), np.empty((0, 2), int))
@@ -87,9 +112,34 @@ def _edges(run: RunData, alert: Alert, crossing: Crossing | None, row: int) -> t
     return tuple((int(a), int(b)) for a, b in found)
 
 
+def _is_edge(run: RunData, a: int, b: int) -> bool:
+    strands = run.results.strands
+    s = strands.strand_of_vertex[a]
+    first, last = int(strands.offsets[s]), int(strands.offsets[s + 1]) - 1
+    return a >= 0 and ((b == a + 1 and b <= last) or (bool(strands.closed[s]) and (a, b) == (last, first)))
+
+
 def _named(run: RunData, alert: Alert, vertices: "list[int] | tuple[int, int]") -> bool:
     labels = run.results.strands.labels
     return min(vertices, default=-1) >= 0 and {labels.text(v) for v in vertices} <= set(alert.residues)
+
+
+def event_place(run: RunData, event: Event) -> tuple[float | None, tuple[float, float] | None]:
+    """Return when within its step an event is (None: where the pair is nearest), and where on the smooth curve's arcs.
+
+    The second is None where it is about edges.
+    """
+    crossing = event.crossing
+    if not event.about_curve:
+        return (None if crossing is None else crossing.t), None
+    if crossing is not None:
+        s, r = crossing.parameters.tolist()
+        return crossing.t, (s, r)
+    place = run.columns["curve_place"][run.row(event.alert.step_peak)]
+    if not np.isfinite(place).all():
+        return 0.5, (0.5, 0.5)
+    t, s, r = place.mean(axis=1).tolist()
+    return t, (s, r)
 
 
 def _concern(event: Event) -> tuple[int, int, int, float, int]:

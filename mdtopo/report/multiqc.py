@@ -44,6 +44,8 @@ def _sections(run: RunData, sample: str) -> dict[str, Any]:
         "crossed": counts.crossed,
         "broken_edges": summary.n_fractures,
     }
+    if summary.curve is not None:
+        rows |= {f"curve_{name}": getattr(summary.curve, name) for name in ("certified", "unresolved", "crossed")}
     starts = bin_starts(run.n_steps, MOST_POINTS)
     band = envelope(run.columns["clearance"], starts)
     x = (run.columns["time_t0"][starts] if run.has_times else run.results.first_step + starts).tolist()

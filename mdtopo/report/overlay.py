@@ -11,7 +11,7 @@ import numpy as np
 from mdtopo.geometry.bezier import evaluate
 from mdtopo.records import CompositeBezier, Strands
 from mdtopo.smooth import CurveKind, spline_curve
-from mdtopo.typing import Indices, Points
+from mdtopo.typing import Indices, Points, Ratios
 
 
 class CurvePath(NamedTuple):
@@ -57,10 +57,16 @@ def places(curve: CompositeBezier, n_edges: int, run: Indices, parts: Indices) -
     """
     found: list[Points] = []
     for tail, count in zip(run[:-1].tolist(), parts.tolist(), strict=True):
-        shares = np.arange(count + 1) / count
-        if curve.n_segments == n_edges:
-            segment, at = curve.control_points[tail], shares
-        else:
-            segment, at = curve.control_points[0], (tail + shares) / n_edges
-        found.append(evaluate(segment, at)[: None if len(found) == len(parts) - 1 else -1])
+        arc = arc_places(curve, n_edges, tail, np.arange(count + 1) / count)
+        found.append(arc[: None if len(found) == len(parts) - 1 else -1])
     return np.concatenate(found)
+
+
+def arc_places(curve: CompositeBezier, n_edges: int, tail: int, shares: Ratios) -> Points:
+    """Return places on the arc of the edge that begins at position `tail` of its trace, shape (len(shares), 3), Å.
+
+    Shares go from 0 to 1 along the arc; a curve of one segment gives each edge an equal share of its parameter.
+    """
+    if curve.n_segments == n_edges:
+        return evaluate(curve.control_points[tail], shares)
+    return evaluate(curve.control_points[0], (tail + shares) / n_edges)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mdtopo.records import Grade, Severity, StepState
+from mdtopo.records import CurveVerdict, Grade, Severity, StepState
 from mdtopo.records.headline import headline, state_meanings
 from mdtopo.report.cards import pair_cards, pair_in_words, strand_cards
 from mdtopo.report.envelope import bin_starts, envelope, worst_states
@@ -97,6 +97,7 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "inputs": run.results.provenance.get("inputs", []),
         "provenance": run.results.provenance,
         "gaps": run.results.strands.gaps,
+        "curve": run.summary.curve,
         "figure": figure,
         "heat": heat,
         "heat_picture": "" if heat is None else heat_picture(run, heat, scale, data["x_title"]),
@@ -222,7 +223,7 @@ def _worst(events: list[Event]) -> str:
         return "Nowhere in particular: there is no warning."
     alert = shown.alert
     frames = f"frames {shown.frames[0]}–{shown.frames[1]}" if shown.frames else "the input"
-    return f"{alert.kind.value.capitalize()} in {frames}, {', '.join(alert.residues) or 'no residue named'}."
+    return f"{shown.name.capitalize()} in {frames}, {', '.join(alert.residues) or 'no residue named'}."
 
 
 def _interval_words(run: RunData, advice: IntervalAdvice | None) -> str:
@@ -238,6 +239,8 @@ def _unchecked(run: RunData) -> str:
     words = ["What happened between the frames off the straight paths"]
     words += [f"{len(run.results.strands.gaps)} gaps in strands"] if run.results.strands.gaps else []
     words += [f"{run.summary.counts.unresolved} undecided steps"] if run.summary.counts.unresolved else []
+    if run.summary.curve is not None and run.summary.curve.unresolved:
+        words.append(f"{run.summary.curve.unresolved} steps of the smooth curve undecided")
     return f"{'; '.join(words)}."
 
 
@@ -249,6 +252,8 @@ def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[st
     shape, colour = SEVERITY_SHAPES[event.alert.severity]
     return {
         "alert": event.alert,
+        "name": event.name,
+        "curve": _curve_words(run, event),
         "severity": severity_word(event.alert.severity),
         "shape": shape,
         "colour": colour,
@@ -259,6 +264,20 @@ def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[st
         "snippets": snippets(paths, event.frames, indices, options) if event.frames else {},
         "view": views.get(event.alert.id),
     }
+
+
+def _curve_words(run: RunData, event: Event) -> str:
+    """Return what was found of the smooth curve in the step of an event; empty where it was not looked at."""
+    row = run.row(event.alert.step_peak)
+    if not run.has_curve or event.frames is None:
+        return ""
+    verdict, clearance = CurveVerdict(int(run.columns["curve_verdict"][row])), run.columns["curve_clearance"][row]
+    if verdict is CurveVerdict.CERTIFIED:
+        apart = f" (segments that share no point stay {clearance:.4g} Å apart)" if np.isfinite(clearance) else ""
+        return f"proved not to pass in this step{apart}"
+    return {CurveVerdict.CROSSING: "passes in this step", CurveVerdict.UNRESOLVED: "undecided in this step"}.get(
+        verdict, ""
+    )
 
 
 def _coverage(run: RunData) -> dict[str, Any]:
@@ -310,7 +329,7 @@ def _data(
         "criterion": run.config.criterion,
         "near_limit": run.config.near_limit,
         "alerts": _markers(run, events, scale),
-        "curve_name": "smooth curve (drawn; certified apart)",
+        "curve_name": f"smooth curve ({'certified apart' if run.has_curve else 'drawn, not certified'})",
         "scenes": {key: view.data for key, view in views.items()},
         "interval": _interval_data(advice),
     }
@@ -324,13 +343,14 @@ def _markers(run: RunData, events: list[Event], scale: float) -> list[dict[str, 
     for event in timed:  # the worst comes first, so it is the one that is shown
         alert = event.alert
         place = alert.step_peak if len(timed) <= MOST_MARKERS else run.row(alert.step_peak) * PLACES // width
-        key = (alert.kind.value, place)
+        key = (event.name, place)
         if key in crowd:
             crowd[key]["n"] += 1
             continue
         x = 0.5 * (event.times[0] + event.times[1]) / scale if run.has_times else float(alert.step_peak)
         crowd[key] = {
             "kind": alert.kind.value,
+            "lane": "curve" if event.about_curve else alert.kind.value,
             "severity": severity_word(alert.severity),
             "x": x,
             "step": alert.step_peak,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mdtopo.report.scene import Scene, segment_distance
+from mdtopo.report.scene import Scene, path_distance
 from mdtopo.typing import Points
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _draw(axes: "Axes", scene: Scene, t: float, frame: Points) -> None:
     strips = list(_strips(scene, t, frame))
     marked = [(1.0 - t) * x0 + t * x1 for x0, x1 in scene.marked]
     for x, colour in zip(marked, MARKS, strict=False):
-        strips.append(Strip(x @ frame.T, colour, 3.6))
+        strips += [Strip(x[k : k + 2] @ frame.T, colour, 3.6, len(x) == 2) for k in range(len(x) - 1)]
     strips.sort(key=lambda strip: float(strip.ends[:, 2].mean()))  # the nearest last
     _paint(axes, strips, PANEL_POINTS / (2.0 * scene.radius))
     axes.set(xlim=(-scene.radius, scene.radius), ylim=(-scene.radius, scene.radius), xticks=[], yticks=[])
@@ -108,5 +108,5 @@ def _paint(axes: "Axes", strips: list[Strip], points_per_length: float) -> None:
 def distance_words(marked: list[Points]) -> str:
     """Return the distance of the marked pair in words, or the length of the one edge."""
     if len(marked) == 2:
-        return f"distance {round(segment_distance(*marked), 9):.3g} Å"  # an exact meeting, in floating point
+        return f"distance {round(path_distance(*marked), 9):.3g} Å"  # an exact meeting, in floating point
     return f"length {np.linalg.norm(marked[0][1] - marked[0][0]):.3g} Å"

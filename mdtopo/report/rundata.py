@@ -52,6 +52,15 @@ NEEDED = (
 )
 """Step columns that a report is made of."""
 
+CURVE_COLUMNS = (
+    "curve_verdict",
+    "curve_depth",
+    "curve_clearance",
+    "curve_clearance_pair",
+    "curve_place",
+)
+"""Step columns of the smooth curve, which a report shows where the file has them."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunData:
@@ -101,6 +110,11 @@ class RunData:
     def in_progress(self) -> bool:
         """Whether these are the finished parts of a run that has not ended."""
         return self.results.in_progress
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the run looked at the smooth curve."""
+        return self.summary.curve is not None
 
     @property
     def n_steps(self) -> int:

@@ -11,7 +11,7 @@ from mdtopo.curves import StepMotion
 from mdtopo.errors import MdtopoError
 from mdtopo.geometry.rigid import best_rotations
 from mdtopo.records import BrokenEdge, Frame, MonitorConfig, Strands, Traces
-from mdtopo.report.overlay import CurvePath, places, trace_curves
+from mdtopo.report.overlay import CurvePath, arc_places, places, trace_curves
 from mdtopo.smooth import CurveKind
 from mdtopo.typing import Indices, Points
 
@@ -20,6 +20,9 @@ MOST_VERTICES = 600
 
 NEAR_PARTS, FAR_PARTS = 10, 4
 """Chords by which the smooth curve of an edge is drawn, within the first view and beyond it."""
+
+ARC_PARTS = 24
+"""Chords of an arc that is marked; the place that the event is about is one of their ends."""
 
 N_INSTANTS = 201
 IMAGES = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -44,7 +47,8 @@ class Scene:
     pieces : tuple of Piece
         The strands, straight edges.
     marked : tuple of (x0, x1)
-        The marked edges at both ends of the step, each of shape (2, 3), Å.
+        The marked edges at both ends of the step, each of shape (2, 3), Å; where an event is about the smooth curve,
+        the arcs that go with them, of more points.
     t : float
         When the view opens: at the crossing, or where the pair is nearest.
     distance : float
@@ -97,6 +101,7 @@ def event_scene(
     edges: tuple[tuple[int, int], ...],
     t: float | None,
     kind: CurveKind = "interpolating",
+    on_curve: tuple[float, float] | None = None,
 ) -> Scene:
     """Return the surroundings of the marked edges.
 
@@ -111,11 +116,22 @@ def event_scene(
         When the view opens; by default where the pair is nearest.
     kind : str
         Which smooth curve is drawn beside the edges.
+    on_curve : tuple of 2 floats, optional
+        Where the event is about the smooth curve: the place on each arc, from 0 to 1, that the event is about. The arcs
+        are marked then.
+
+    Raises
+    ------
+    InputError, StrandError
+        If an event about the curve is of strands that have none.
     """
     images = [np.zeros(3, dtype=np.int64)]
     if len(edges) == 2:
         images.append(_nearest_image(motion, edges))
     marked = [_placed(motion, list(edge), image) for edge, image in zip(edges, images, strict=True)]
+    if on_curve is not None:
+        held = zip(edges, images, on_curve, strict=True)
+        marked = [_arc(motion, traces, edge, image, share, kind) for edge, image, share in held]
     instants = np.linspace(0.0, 1.0, N_INSTANTS)
     if t is None:
         t = float(instants[np.argmin([_spread(marked, instant) for instant in instants])]) if len(marked) == 2 else 0.5
@@ -140,6 +156,19 @@ def _placed(motion: StepMotion, vertices: list[int], image: Indices) -> tuple[Po
     return motion.x0[vertices] + image @ motion.cell0, motion.x1[vertices] + image @ motion.cell1
 
 
+def _arc(
+    motion: StepMotion, traces: Traces, edge: tuple[int, int], image: Indices, share: float, kind: CurveKind
+) -> tuple[Points, Points]:
+    """Return the arc of the smooth curve that goes with an edge, at both ends of the step."""
+    at = int(np.flatnonzero(traces.vertices == edge[0])[0])
+    g = int(np.searchsorted(traces.offsets, at, side="right")) - 1
+    first, stop, closed = int(traces.offsets[g]), int(traces.offsets[g + 1]), bool(traces.closed[g])
+    curves = trace_curves(*_placed(motion, traces.vertices[first:stop].tolist(), image), closed=closed, kind=kind)
+    shares = np.unique(np.append(np.linspace(0.0, 1.0, ARC_PARTS + 1), share))
+    x0, x1 = (arc_places(curve, stop - first - (not closed), at - first, shares) for curve in curves)
+    return x0, x1
+
+
 def _nearest_image(motion: StepMotion, edges: tuple[tuple[int, int], ...]) -> Indices:
     """Return the lattice counts that bring the second edge nearest to the first during the step."""
     if not motion.cell0.any():
@@ -162,7 +191,21 @@ def _spread(marked: list[tuple[Points, Points]], t: float) -> float:
     now = [(1.0 - t) * x0 + t * x1 for x0, x1 in marked]
     if len(now) == 1:
         return float(np.linalg.norm(now[0][1] - now[0][0]))
-    return segment_distance(now[0], now[1])
+    return path_distance(now[0], now[1])
+
+
+def path_distance(p: Points, q: Points) -> float:
+    """Return the distance of two paths of straight pieces, Å, near their nearest points; for the eye.
+
+    Examples
+    --------
+    >>> path_distance(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0.5, 1.0, 2.0], [0.5, -1.0, 2.0]]))
+    2.0
+    """
+    i, j = np.unravel_index(np.argmin(np.linalg.norm(p[:, None] - q[None], axis=2)), (len(p), len(q)))
+    firsts = [p[k : k + 2] for k in (i - 1, i) if 0 <= k < len(p) - 1]
+    seconds = [q[k : k + 2] for k in (j - 1, j) if 0 <= k < len(q) - 1]
+    return min(segment_distance(one, other) for one in firsts for other in seconds)
 
 
 def segment_distance(p: Points, q: Points) -> float:
@@ -190,8 +233,8 @@ def segment_distance(p: Points, q: Points) -> float:
 
 def _eye(now: list[Points]) -> NDArray[np.float64]:
     """Return the direction to look from: across both edges, so that they form an X, a little from the side."""
-    d1 = now[0][1] - now[0][0]
-    d2 = now[1][1] - now[1][0] if len(now) == 2 else np.zeros(3)
+    d1 = now[0][-1] - now[0][0]
+    d2 = now[1][-1] - now[1][0] if len(now) == 2 else np.zeros(3)
     across = np.cross(d1, d2)
     if np.linalg.norm(across) < 1e-3 * (np.linalg.norm(d1) * np.linalg.norm(d2) + 1e-12):
         across = np.cross(d1, np.eye(3)[np.argmin(np.abs(d1))])

@@ -79,6 +79,7 @@ def _scene_data(scene: Scene) -> dict[str, Any]:
         "t": scene.t,
         "eye": scene.eye.tolist(),
         "radius": scene.radius,
+        "arcs": any(len(x0) > 2 for x0, _ in scene.marked),
         "curve": _curve_data(scene),
     }
 

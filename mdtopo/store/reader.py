@@ -160,7 +160,12 @@ class Results:
 
 
 def read_results(
-    path: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+    path: str | os.PathLike[str],
+    *,
+    columns: Collection[str] | None = None,
+    optional: Collection[str] = (),
+    steps: range | None = None,
+    profile: bool | None = None,
 ) -> Results:
     """Return the contents of a results file. The file is not locked, which shared file systems often cannot.
 
@@ -169,9 +174,14 @@ def read_results(
     path : path
         The file.
     columns : collection of str, optional
-        Names of the step columns to read; all by default, and the profile with them. Every row is held in memory.
+        Names of the step columns to read; all by default. Every row is held in memory.
+    optional : collection of str
+        More of them, that are read where the file has them.
     steps : range, optional
         The consecutive steps whose rows are read; all by default, and of these those that the file holds.
+
+    profile : bool, optional
+        Whether the profile is read too; by default where all columns are.
 
     Raises
     ------
@@ -182,7 +192,9 @@ def read_results(
     """
     path = Path(path)
     with opened_results(path) as file:
-        return _contents(path, file, columns, steps)
+        if columns is not None:
+            columns = [*columns, *(name for name in optional if name in file["steps"])]
+        return _contents(path, file, columns, steps, columns is None if profile is None else profile)
 
 
 @contextmanager
@@ -229,7 +241,9 @@ def _check_schema(path: Path, file: h5py.File) -> None:
         )
 
 
-def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, steps: range | None) -> Results:
+def _contents(
+    path: Path, file: h5py.File, columns: Collection[str] | None, steps: range | None, profile: bool
+) -> Results:
     strands = stored_strands(file["strands"])
     first = int(file["steps"].attrs["first_step"])
     stored = range(first, first + len(file["steps/frame_t0"]))
@@ -252,7 +266,7 @@ def _contents(path: Path, file: h5py.File, columns: Collection[str] | None, step
         broken=broken_edges(file["strands"]),
         bonds=_bonds(file["strands"], len(strands.edges)),
         stored=stored,
-        profile=_profile(file, read) if columns is None else None,
+        profile=_profile(file, read) if profile else None,
     )
 
 

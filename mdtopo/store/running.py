@@ -14,7 +14,12 @@ from mdtopo.store.reader import Results, read_results
 
 
 def read_so_far(
-    out: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+    out: str | os.PathLike[str],
+    *,
+    columns: Collection[str] | None = None,
+    optional: Collection[str] = (),
+    steps: range | None = None,
+    profile: bool | None = None,
 ) -> Results:
     """Return what a results file holds, or, where the run has not ended and there is none, its finished parts.
 
@@ -22,7 +27,7 @@ def read_so_far(
     ----------
     out : path
         The output.
-    columns, steps : collection of str, range, optional
+    columns, optional, steps, profile
         As for `read_results`.
 
     Raises
@@ -33,20 +38,26 @@ def read_so_far(
         As `read_results` and `read_running`.
     """
     try:
-        return read_results(out, columns=columns, steps=steps)
+        return read_results(out, columns=columns, optional=optional, steps=steps, profile=profile)
     except MissingFileError:
         if not folder_of(Path(out)).is_dir():
             raise
     try:
-        return read_running(out, columns=columns, steps=steps)
+        return read_running(out, columns=columns, optional=optional, steps=steps, profile=profile)
     except InputError:
         if not Path(out).exists():
             raise
-    return read_results(out, columns=columns, steps=steps)  # the run has ended meanwhile, and its parts are gone
+    # the run has ended meanwhile, and its parts are gone
+    return read_results(out, columns=columns, optional=optional, steps=steps, profile=profile)
 
 
 def read_running(
-    out: str | os.PathLike[str], *, columns: Collection[str] | None = None, steps: range | None = None
+    out: str | os.PathLike[str],
+    *,
+    columns: Collection[str] | None = None,
+    optional: Collection[str] = (),
+    steps: range | None = None,
+    profile: bool | None = None,
 ) -> Results:
     """Return what the finished parts of an unfinished output hold, marked as `in_progress`.
 
@@ -54,7 +65,7 @@ def read_running(
     ----------
     out : path
         The output, as it was named to the run that writes it, or wrote it until it was stopped.
-    columns, steps : collection of str, range, optional
+    columns, optional, steps, profile
         As for `read_results`.
 
     Raises
@@ -65,7 +76,7 @@ def read_running(
     paths = sorted(folder_of(Path(out)).glob("part-*.h5"))
     if not paths:
         raise InputError(f"{out} has no finished part yet; wait for the run, or start it.")
-    parts = [read_results(path, columns=columns, steps=steps) for path in paths]
+    parts = [read_results(path, columns=columns, optional=optional, steps=steps, profile=profile) for path in paths]
     step = 0
     for path, part in zip(paths, parts, strict=True):
         if part.stored.start != step:  # rows would be taken for other steps

@@ -78,23 +78,23 @@ function timePlot(element) {
   const bandTrace = (name, title, colour, axis, visible) => ({ type: "scatter", mode: "lines", fill: "toself", name: title,
     line: { color: colour, width: 1 }, fillcolor: colour + "55", yaxis: axis, visible, hoveron: "points",
     hovertemplate: "%{text}<extra>" + title + "</extra>", ...band(name, all) });
-  const names = ["clearance", "pair_ratio", "nu_ratio"];
+  const names = Object.keys(series);
   const n = data.state_colours.length;
   const scale = data.state_colours.flatMap((c, k) => [[k / n, c], [(k + 1) / n, c]]);
-  const kinds = [...new Set(data.alerts.map((a) => a.kind))];
+  const kinds = [...new Set(data.alerts.map((a) => a.lane))];
   const SYMBOLS = { crossing: "x", fracture: "cross", "bad-data": "square", unresolved: "diamond", "near-limit": "triangle-up",
     stretch: "triangle-right", "image-jump": "circle-open", gap: "line-ew" };
   const COLOURS = { critical: "#D55E00", warning: "#E69F00", info: "#0072B2" };
   const traces = [
     bandTrace("clearance", "clearance (Å)", "#0072B2", "y", true),
     bandTrace("pair_ratio", "pair ratio", "#009E73", "y2", true),
-    bandTrace("nu_ratio", "2m/ν (the paper's)", "#CC79A7", "y2", "legendonly"),
+    bandTrace("nu_ratio", "2m/ν (the paper's)", "#E69F00", "y2", "legendonly"),
     { type: "heatmap", yaxis: "y3", y: [0], colorscale: scale, zmin: -0.5, zmax: n - 0.5, showscale: false, name: "steps",
       hovertemplate: "%{text}<extra>worst step</extra>", ...strip(all) },
     ...kinds.map((kind) => {
-      const rows = data.alerts.filter((a) => a.kind === kind);
+      const rows = data.alerts.filter((a) => a.lane === kind);
       return { type: "scatter", mode: "markers", yaxis: "y4", name: kind, showlegend: false, x: rows.map((a) => a.x), y: rows.map(() => kind),
-        marker: { symbol: SYMBOLS[kind] || "circle", size: 9, color: rows.map((a) => COLOURS[a.severity]) },
+        marker: { symbol: rows.map((a) => SYMBOLS[a.kind] || "circle"), size: 9, color: rows.map((a) => COLOURS[a.severity]) },
         text: rows.map((a) => wrap(a.text, 70) + (a.n > 1 ? `<br>and ${a.n - 1} more here` : "")), hovertemplate: "%{text}<extra></extra>" };
     }),
   ];
@@ -118,8 +118,8 @@ function timePlot(element) {
     const range = element.layout.xaxis.range || [-Infinity, Infinity];
     const groups = gather(Number(range[0]), Number(range[1]), pixels());
     const made = names.map((name) => band(name, groups)), states3 = strip(groups);
-    Plotly.restyle(element, { x: made.map((m) => m.x), y: made.map((m) => m.y), text: made.map((m) => m.text) }, [0, 1, 2]);
-    Plotly.restyle(element, { x: [states3.x], z: [states3.z], text: [states3.text] }, [3]);
+    Plotly.restyle(element, { x: made.map((m) => m.x), y: made.map((m) => m.y), text: made.map((m) => m.text) }, names.map((_, k) => k));
+    Plotly.restyle(element, { x: [states3.x], z: [states3.z], text: [states3.text] }, [names.length]);
   };
   element.on("plotly_relayout", (change) => {
     if (Object.keys(change).some((key) => key.startsWith("xaxis"))) refresh();
@@ -211,6 +211,18 @@ function nearest(p, q) {
   return best;
 }
 
+// of two paths of many points: near the two points that are nearest
+function nearestPaths(p, q) {
+  let least = Infinity, i = 0, j = 0;
+  p.forEach((a, k) => q.forEach((b, l) => { const d = dot(sub(a, b), sub(a, b)); if (d < least) { least = d; i = k; j = l; } }));
+  let best = null;
+  for (const k of [i - 1, i]) for (const l of [j - 1, j]) if (k >= 0 && l >= 0 && k < p.length - 1 && l < q.length - 1) {
+    const found = nearest([p[k], p[k + 1]], [q[l], q[l + 1]]);
+    if (!best || found.d < best.d) best = found;
+  }
+  return best;
+}
+
 const open = [];
 const MOST_OPEN = 8; // browsers hold about a dozen WebGL scenes, and plotly takes one for each
 const hasWebGL = (() => { try { const c = document.createElement("canvas"); return Boolean(c.getContext("webgl") || c.getContext("experimental-webgl")); } catch { return false; } })();
@@ -252,7 +264,7 @@ function openView(view) {
   const marks = (t) => d.marked.map(([x0, x1]) => x0.map((p, k) => p.map((v, c) => (1 - t) * v + t * x1[k][c])));
   const column = (points, c) => points.map((p) => p[c]);
   const moving = (t) => {
-    const pair = marks(t), near = pair.length === 2 ? nearest(pair[0], pair[1]) : null;
+    const pair = marks(t), near = pair.length === 2 ? nearestPaths(pair[0], pair[1]) : null;
     const lines = pair.map((p) => ({ x: column(p, 0), y: column(p, 1), z: column(p, 2) }));
     const link = near ? [near.m, near.w] : pair[0];
     lines.push({ x: column(link, 0), y: column(link, 1), z: column(link, 2) });
@@ -265,7 +277,7 @@ function openView(view) {
     ...at(t0).map((s, k) => line3({ ...s, name: plain(strands[k]), line: { color: OKABE[k % OKABE.length], width: 4 }, marker: { size: 2.5, color: OKABE[k % OKABE.length] }, opacity: 0.75, showlegend: strands.length <= 8 })),
     line3({ ...smooth(t0), name: plain(data.curve_name), mode: "lines", line: { color: CURVE, width: 3 }, visible: curves.length > 0 }),
     ...moving(t0).map((s, k) => line3(k < d.marked.length
-      ? { ...s, name: d.marked.length === 2 ? (k ? "second edge" : "first edge") : "edge", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
+      ? { ...s, name: d.marked.length === 2 ? `${k ? "second" : "first"} ${d.arcs ? "arc" : "edge"}` : "edge", mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
       : { ...s, name: "distance", mode: "lines+markers", line: { color: "#000", width: 4 }, marker: { size: 4, color: "#000", symbol: "diamond" }, visible: d.marked.length === 2 })),
   ];
   const axis = () => ({ range: [-radius, radius], visible: false, showspikes: false });
