@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mdtopo.curvechecks import curve_differences
 from mdtopo.errors import InputError
 from mdtopo.readers import Reader
 from mdtopo.records import Crossing, Crossings, Frame, MonitorConfig, Rung, Verdict
@@ -130,7 +131,7 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
     Guarantee
     ---------
     Exact where it speaks of crossings: they are decided in integers. Distances are sampled, so a clearance that is too
-    large can be shown by it, and never be proved right.
+    large can be shown by it, and never be proved right. The curve is not decided again: see `curve_differences`.
     """
     sampling = sampling or Sampling()
     found = read_so_far(results)
@@ -238,6 +239,7 @@ def check_step(found: Results, step: int, kind: str, frame0: Frame, frame1: Fram
     differences = [
         *_verdict_differences(found, step, verdict, crossings, contacts),
         *_number_differences(found, row, verdict, case, bool(crossings)),
+        *curve_differences(found, step, case),
     ]
     return StepCheck(step, kind, verdict, tuple(differences), note)
 

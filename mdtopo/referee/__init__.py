@@ -13,9 +13,11 @@ step *is*; it checks that this is a rotation.
 | `search` | which pairs can be near each other, in which image |
 | `distances` | how far edges are apart |
 | `steps` | all of it for one step |
+| `curves` | the smooth curve of a step, built again by SciPy |
 """
 
+from mdtopo.referee.curves import CurveCase
 from mdtopo.referee.meeting import Meeting, judge_pair
 from mdtopo.referee.steps import FoundContact, FoundCrossing, StepCase, open_step
 
-__all__ = ["FoundContact", "FoundCrossing", "Meeting", "StepCase", "judge_pair", "open_step"]
+__all__ = ["CurveCase", "FoundContact", "FoundCrossing", "Meeting", "StepCase", "judge_pair", "open_step"]
