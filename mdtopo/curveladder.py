@@ -19,9 +19,10 @@ from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.hull import hull_distance
 from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.segmenthulls import PAIR
-from mdtopo.geometry.segmentpairs import Shapes, lone_checks, pair_checks, separation_along, shapes_of
+from mdtopo.geometry.segmentpairs import lone_checks, pair_checks
+from mdtopo.geometry.segmentshapes import HALF0, HALF1, mean_chord, pair_separation, shapes_of, vector_of
 from mdtopo.geometry.subdivision import MOST_BOXES, Answer, settle
-from mdtopo.geometry.vectors import Vector, add, dot, norm, row, subtract
+from mdtopo.geometry.vectors import Vector, dot, norm, row, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
@@ -109,17 +110,18 @@ def measure_curve(
     Proven: where nothing is open, the curve meets itself, in any image, at no other times and places than the passages
     that are found; each of these is one.
     """
-    greatest = greatest_of(c0, c1, cell0, cell1, periodic)
+    shapes, boxes = shapes_of(c0, c1)
+    greatest = greatest_coordinate(boxes, cell0, cell1, periodic)
     rounding = slack + 64.0 * UNIT_ROUNDOFF * greatest + 1e-140
-    shapes = shapes_of(c0, c1)
     tally = fresh_tally(mean_chord(shapes) if len(c0) > 1 or periodic else np.inf)
-    checks, is_complete = lone_checks(c0, c1, following, greatest, slack), True
+    is_complete = True
+    checks, lows = lone_checks(c0, c1, shapes, following, rounding)
     for late in range(2):
         if late:
             # nothing further away than what is known by now can count
             reach = min(tally.numbers[CLEARANCE], mean_chord(shapes))
-            checks, is_complete = pair_checks(shapes, following, cell0, cell1, periodic, reach, rounding)
-        settle_checks(checks, c0, c1, shapes, cell0, cell1, slack, rounding, greatest, tally)
+            checks, lows, is_complete = pair_checks(shapes, boxes, following, cell0, cell1, periodic, reach, rounding)
+        settle_checks(checks, lows, c0, c1, shapes, cell0, cell1, slack, rounding, greatest, tally)
     n_found, n_open = tally.counts[N_FOUND], tally.counts[N_OPEN]
     d_star, segment, ratio, margin, printed = hodograph_margins(c0, c1, slack)
     return CurveMeasure(
@@ -161,28 +163,15 @@ def fresh_tally(clearance: float) -> Tally:
 
 
 @njit(cache=True, nogil=True)
-def mean_chord(shapes: Shapes) -> float:
-    """Return the mean length of the chords at the start, Å."""
-    total, m = 0.0, len(shapes.half0)
-    for k in range(m):
-        total += 2.0 * norm(row(shapes.half0, k)) / m
-    return total
-
-
-@njit(cache=True, nogil=True)
-def greatest_of(c0: FloatArray, c1: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool) -> float:
+def greatest_coordinate(boxes: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool) -> float:
     """Return the greatest coordinate that a control point or its image can have, Å."""
-    greatest = 0.0
-    for points in (c0, c1):
-        for k in range(points.shape[0]):
-            for i in range(points.shape[1]):
-                for axis in range(3):
-                    greatest = max(greatest, abs(points[k, i, axis]))
-    if periodic:
-        for cell in (cell0, cell1):
-            for k in range(3):
-                greatest += 4.0 * norm(row(cell, k))
-    return greatest
+    greatest, cells = 0.0, 0.0
+    for k in range(len(boxes)):
+        for axis in range(6):
+            greatest = max(greatest, abs(boxes[k, axis]))
+    for k in range(3):
+        cells += norm(row(cell0, k)) + norm(row(cell1, k))
+    return greatest + 4.0 * cells if periodic else greatest
 
 
 @njit(cache=True, nogil=True)
@@ -210,6 +199,7 @@ def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[flo
             turned = max(turned, dot(change, change))
             before = after
         length = norm(chord)
+        # with room for rounding: of a control point at most the greatest coordinate times 64u, which slack has
         low = least / length - 2.0 * slack if length > 1e-140 else 0.0
         moved, turned = np.sqrt(moved), np.sqrt(turned)
         if low > d_star and turned <= ratio * low and low - turned > margin and moved <= printed * low:
@@ -226,9 +216,10 @@ def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[flo
 @njit(cache=True, nogil=True, inline="always")
 def settle_checks(
     checks: IntArray,
+    lows: FloatArray,
     c0: FloatArray,
     c1: FloatArray,
-    shapes: Shapes,
+    shapes: FloatArray,
     cell0: FloatArray,
     cell1: FloatArray,
     slack: float,
@@ -236,10 +227,18 @@ def settle_checks(
     greatest: float,
     tally: Tally,
 ) -> None:
-    """Settle a list of checks, pairs only as far as they may lower the clearance, and note what comes of them."""
+    """Settle a list of checks, pairs only as far as they may lower the clearance, and note what comes of them.
+
+    `lows` are lower bounds of the pairs' distances. The pair with the least is settled first: beyond what it proves,
+    nothing of the others need be known.
+    """
     basis0, basis1, width = basis_of(cell0), basis_of(cell1), c0.shape[1]
     b0, b1 = np.empty((width, 3)), np.empty((width, 3))
-    for k in range(len(checks)):
+    closest = closest_pair(checks, lows)
+    for n in range(len(checks)):
+        k = closest if n == 0 else (0 if n == closest else n)
+        if lows[k] > tally.numbers[CLEARANCE]:
+            continue
         kind, i, j = checks[k, 0], checks[k, 1], checks[k, 2]
         image = (checks[k, 3], checks[k, 4], checks[k, 5])
         shift0, shift1, low, error = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, slack
@@ -247,9 +246,7 @@ def settle_checks(
             error = rounding
             if image != (0, 0, 0):
                 shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
-            across = add(subtract(row(shapes.mid0, j), row(shapes.mid0, i)), shift0)
-            across = add(across, add(subtract(row(shapes.mid1, j), row(shapes.mid1, i)), shift1))
-            low = separation_along(c0, c1, i, j, shift0, shift1, across, rounding)
+            low = pair_separation(c0, c1, shapes, i, j, shift0, shift1, rounding, tally.numbers[CLEARANCE])
             if low > tally.numbers[CLEARANCE]:
                 continue
         _place(c0, j, shift0, b0)
@@ -265,6 +262,16 @@ def settle_checks(
 
 
 @njit(cache=True, nogil=True)
+def closest_pair(checks: IntArray, lows: FloatArray) -> int:
+    """Return the row of the pair with the least bound; 0 where there is none."""
+    closest, least = 0, np.inf
+    for k in range(len(checks)):
+        if checks[k, 0] == PAIR and lows[k] < least:
+            closest, least = k, lows[k]
+    return closest
+
+
+@njit(cache=True, nogil=True)
 def _place(c: FloatArray, k: int, shift: Vector, out: FloatArray) -> None:
     """Write the control points of an image of a segment."""
     for i in range(c.shape[1]):
@@ -273,13 +280,13 @@ def _place(c: FloatArray, k: int, shift: Vector, out: FloatArray) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _note(answer: Answer, i: int, j: int, image: tuple[int, int, int], shapes: Shapes, tally: Tally) -> bool:
+def _note(answer: Answer, i: int, j: int, image: tuple[int, int, int], shapes: FloatArray, tally: Tally) -> bool:
     """Take an answer into the tally, and return whether the check stays open."""
     counts = tally.counts
     counts[DEPTH] = max(counts[DEPTH], answer.depth)
     is_open = answer.rung == OPEN
-    length = min(norm(row(shapes.half0, i)), norm(row(shapes.half1, i)))
-    length = 2.0 * min(length, min(norm(row(shapes.half0, j)), norm(row(shapes.half1, j))))
+    length = min(norm(vector_of(shapes, i, HALF0)), norm(vector_of(shapes, i, HALF1)))
+    length = 2.0 * min(length, min(norm(vector_of(shapes, j, HALF0)), norm(vector_of(shapes, j, HALF1))))
     for k in range(len(answer.meetings)):
         if counts[N_FOUND] == MOST_FOUND:
             is_open = True
