@@ -229,14 +229,11 @@ def settle_checks(
 ) -> None:
     """Settle a list of checks, pairs only as far as they may lower the clearance, and note what comes of them.
 
-    `lows` are lower bounds of the pairs' distances. The pair with the least is settled first: beyond what it proves,
-    nothing of the others need be known.
+    `lows` are lower bounds of the pairs' distances.
     """
     basis0, basis1, width = basis_of(cell0), basis_of(cell1), c0.shape[1]
     b0, b1 = np.empty((width, 3)), np.empty((width, 3))
-    closest = closest_pair(checks, lows)
-    for n in range(len(checks)):
-        k = closest if n == 0 else (0 if n == closest else n)
+    for k in range(len(checks)):
         if lows[k] > tally.numbers[CLEARANCE]:
             continue
         kind, i, j = checks[k, 0], checks[k, 1], checks[k, 2]
@@ -259,16 +256,6 @@ def settle_checks(
             tally.numbers[CLEARANCE] = clearance
             if tally.counts[N_OPEN] == 0:
                 tally.counts[FIRST], tally.counts[SECOND] = i, j
-
-
-@njit(cache=True, nogil=True)
-def closest_pair(checks: IntArray, lows: FloatArray) -> int:
-    """Return the row of the pair with the least bound; 0 where there is none."""
-    closest, least = 0, np.inf
-    for k in range(len(checks)):
-        if checks[k, 0] == PAIR and lows[k] < least:
-            closest, least = k, lows[k]
-    return closest
 
 
 @njit(cache=True, nogil=True)
