@@ -162,10 +162,13 @@ function heatPlot(element) {
   const common = { type: "heatmap", x: Array.from(x), y: edges, text, hovertemplate: "%{text}<extra></extra>", hoverongaps: true };
   const known = all.filter((r) => strip.vertex[r] >= 0), hit = known.filter((r) => strip.clearance[r] === 0);
   const words = (r) => said(strip.clearance[r], strip.vertex[r], strip.step[r]);
-  const n = y[rows], ends = element.parentElement.clientWidth < 640 ? [0, 0.62, 0.86] : [0, 0.765, 0.87];
+  // on a narrow screen the scale of colours lies above the map, where it takes no width
+  const narrow = element.parentElement.clientWidth < 640, n = y[rows], ends = narrow ? [0, 0.74, 0.8] : [0, 0.765, 0.87];
+  const bar = narrow ? { orientation: "h", title: { text: "clearance (Å)", side: "top" }, x: 0, xanchor: "left", y: 1.01, yanchor: "bottom", len: 0.74, nticks: 5 }
+    : { title: { text: "clearance (Å)", side: "right" }, x: ends[1] + 0.01, xanchor: "left" };
   const traces = [
     { ...common, z, zmin: 0, zmax: most || 1, colorscale: NEAR_FAR.map((c, k) => [k / 8, c]),
-      colorbar: { title: { text: "clearance (Å)", side: "right" }, thickness: 12, x: ends[1] + 0.01, xanchor: "left", outlinewidth: 0 } },
+      colorbar: { ...bar, thickness: 12, outlinewidth: 0 } },
     { ...common, z: crossed, zmin: 0, zmax: 1, colorscale: [[0, "#D55E00"], [1, "#D55E00"]], showscale: false, hoverongaps: false },
     { type: "scatter", mode: "lines", xaxis: "x2", x: all.map((r) => (strip.vertex[r] < 0 ? null : strip.clearance[r])), y: middles, line: { color: "#0072B2", width: 1.2 },
       fill: "tozerox", fillcolor: "#0072B222", text: all.map((r) => (strip.vertex[r] < 0 ? "" : words(r))), hovertemplate: "%{text}<extra>least of the run</extra>" },
@@ -183,11 +186,11 @@ function heatPlot(element) {
     ? { tickvals: d.strands.map((_, k) => (d.offsets[k] + d.offsets[k + 1] - 1) / 2), ticktext: d.strands.map(short) }
     : { tickvals: even, ticktext: even.map((v) => short(d.labels[v] || v)) };
   element.hidden = false;
-  Plotly.newPlot(element, traces, { font: FONT, margin: { l: 110, r: 16, t: 36, b: 48 }, showlegend: false, shapes: lines, hovermode: "closest", dragmode: "zoom",
+  Plotly.newPlot(element, traces, { font: FONT, margin: { l: narrow ? 92 : 110, r: 16, t: narrow ? 64 : 36, b: 48 }, showlegend: false, shapes: lines, hovermode: "closest", dragmode: "zoom",
     paper_bgcolor: "#fff", plot_bgcolor: "#fff",
     xaxis: { title: { text: data.x_title }, domain: ends.slice(0, 2), showgrid: false, zeroline: false },
     yaxis: { range: [n - 0.5, -0.5], showgrid: false, zeroline: false, ...ticks },
-    xaxis2: { title: { text: ends[2] < 0.87 ? "least" : "least (Å)" }, domain: [ends[2], 1], range: [0, 1.05 * (most || 1)], nticks: 4, zeroline: false, showgrid: false } }, CONFIG);
+    xaxis2: { title: { text: narrow ? "least" : "least (Å)" }, domain: [ends[2], 1], range: [0, 1.05 * (most || 1)], nticks: narrow ? 2 : 4, tickangle: 0, zeroline: false, showgrid: false } }, CONFIG);
   for (const picture of element.parentElement.querySelectorAll(".stand-in")) picture.hidden = true;
 }
 
