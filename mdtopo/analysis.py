@@ -10,7 +10,7 @@ import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from MDAnalysis.analysis.backends import BackendBase
@@ -178,7 +178,8 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         refuse_long_strands(self._reader.strands, self._config.curve)
         self._periodic = first[0].cell is not None
         reference = reference_lengths(reference_samples(first, self._reader.strands))
-        self._start = Setting.start(self._reader.strands, self._config, reference)
+        # a list of frames has no even windows, so no profile is kept
+        self._start = Setting.start(self._reader.strands, replace(self._config, profile_steps=0), reference)
 
     def run(self, *args: Any, **kwargs: Any) -> "IsotopyAnalysis":
         """Run the analysis; parameters as of MDAnalysis' `AnalysisBase.run`.

@@ -6,6 +6,8 @@ from itertools import combinations, product
 import numpy as np
 import oracles
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mdtopo.pipeline import step_tables
@@ -53,15 +55,16 @@ def sampled(pairs0: Points, pairs1: Points, n: int = 161) -> Points:
     (a, b), (c, d) = np.moveaxis(x[:, :, 0], 2, 0), np.moveaxis(x[:, :, 1], 2, 0)
 
     def to_edge(p: Points, q: Points, r: Points) -> Points:
-        along = np.clip(((p - q) * (r - q)).sum(-1) / ((r - q) ** 2).sum(-1), 0, 1)
+        along = np.clip(((p - q) * (r - q)).sum(-1) / np.maximum(((r - q) ** 2).sum(-1), 1e-300), 0, 1)
         return np.linalg.norm(p - q - along[..., None] * (r - q), axis=-1)
 
     ends = np.min([to_edge(a, c, d), to_edge(b, c, d), to_edge(c, a, b), to_edge(d, a, b)], axis=0)
     normal = np.cross(b - a, d - c)
-    size = np.maximum((normal**2).sum(-1), 1e-12)
+    parallel = 1e-12 * ((b - a) ** 2).sum(-1) * ((d - c) ** 2).sum(-1) + 1e-300
+    size = np.maximum((normal**2).sum(-1), parallel)
     s = (np.cross(c - a, d - c) * normal).sum(-1) / size
     r = (np.cross(c - a, b - a) * normal).sum(-1) / size
-    inside = (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1) & (size > 1e-12)
+    inside = (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1) & (size > parallel)
     lines = np.abs(((c - a) * normal).sum(-1)) / np.sqrt(size)
     return np.where(inside, np.minimum(lines, ends), ends).min(axis=0)
 
@@ -125,6 +128,25 @@ def test_in_motion_it_is_a_lower_bound_and_close_where_the_motion_is_small(
         assert values.min() == rounded_down(table.clearance)[0]
         motion = 2.0 * np.linalg.norm(x1 - x0, axis=1).max()
         assert (values >= np.minimum(exact, values.max()) - motion - 1e-6).all()
+
+
+@given(
+    x=st.lists(st.integers(-2, 2), min_size=36, max_size=36),
+    scale=st.sampled_from([1e-4, 1.0, 1e3]),
+    far=st.sampled_from([0.0, 1e5]),
+)
+@settings(max_examples=120, deadline=None, derandomize=True)
+def test_on_a_lattice_where_edges_touch_coincide_and_vanish_it_is_a_lower_bound(
+    x: list[int], scale: float, far: float
+) -> None:
+    x0, x1 = scale * np.array(x, dtype=float).reshape(2, 6, 3) + far
+    strands = Strands.from_lengths([2, 4])
+    table = table_of(np.stack([x0, x1]), strands)
+    values, exact = table.profile.clearance[0].astype(float), least_during(x0, x1, strands)
+    assert (values <= exact + 1e-12 * (scale + far)).all()
+    assert (values >= 0.0).all()
+    for crossing in table.crossings:
+        assert (values[crossing.edges.ravel()] == 0.0).all()
 
 
 def test_some_of_these_bounds_are_positive_in_a_step_that_crosses() -> None:
