@@ -1,5 +1,6 @@
 """Systems that the benchmarks make: compact chains, and trajectories of them with or without other atoms around."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import MDAnalysis
@@ -7,8 +8,13 @@ import numpy as np
 from MDAnalysis.coordinates.memory import MemoryReader
 from numpy.typing import NDArray
 
+from mdtopo import MonitorConfig
+
 BOND = 3.8
 """Å, as between CA atoms."""
+
+POLYLINE_ONLY = MonitorConfig(curve="none")
+"""Settings of runs that leave the smooth curve out."""
 
 STRAND_SPACING, SHEET_SPACING = 4.8, 7.4
 """Å, between neighbouring strands and between sheets: with BOND a residue has 135 Å³, as in folded proteins."""
@@ -61,19 +67,21 @@ def displaced(chain: NDArray[np.float64], share: float, seed: int = 1) -> NDArra
 
 def jiggled(chain: NDArray[np.float64], n_frames: int, step: float, seed: int = 2) -> NDArray[np.float32]:
     """Return frames in which every vertex moves by about `step` Å at random from one to the next, near its place."""
+    return np.stack(list(jiggles(chain, n_frames, step, seed)))
+
+
+def jiggles(chain: NDArray[np.float64], n_frames: int, step: float, seed: int = 2) -> Iterator[NDArray[np.float32]]:
+    """Yield the frames of `jiggled` one by one."""
     rng = np.random.default_rng(seed)
-    frames = np.empty((n_frames, *chain.shape), dtype=np.float32)
     away = np.zeros(chain.shape)
-    for k in range(n_frames):
+    for _ in range(n_frames):
         away = 0.9 * away + rng.normal(scale=step / np.sqrt(3.0), size=chain.shape)
-        frames[k] = chain + away
-    return frames
+        yield (chain + away).astype(np.float32)
 
 
 def write_trajectory(folder: Path, n_backbone: int, n_atoms: int, n_frames: int) -> tuple[Path, Path]:
     """Write a PDB-like GRO topology and an XTC: CA backbone atoms first, water oxygens around; return their paths."""
     chain = compact_chain(n_backbone)
-    frames = jiggled(chain, n_frames, step=0.5)
     rng = np.random.default_rng(3)
     n_water = n_atoms - n_backbone
     edge = max(200.0, (n_atoms * 10.0) ** (1.0 / 3.0))
@@ -87,9 +95,9 @@ def write_trajectory(folder: Path, n_backbone: int, n_atoms: int, n_frames: int)
     universe.dimensions = [edge, edge, edge, 90.0, 90.0, 90.0]
     universe.atoms.write(str(topology))
     with MDAnalysis.Writer(str(trajectory), n_atoms=n_atoms) as writer:
-        for k in range(n_frames):
+        for k, frame in enumerate(jiggles(chain, n_frames, step=0.5)):
             moved = water + rng.normal(scale=0.5, size=water.shape)
-            universe.atoms.positions = np.concatenate([frames[k] + edge / 4, moved])
+            universe.atoms.positions = np.concatenate([frame + edge / 4, moved])
             universe.trajectory.ts.time = universe.trajectory.ts.data["time"] = float(k)
             writer.write(universe.atoms)
     return topology, trajectory
