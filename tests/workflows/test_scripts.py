@@ -24,10 +24,15 @@ def test_the_template_asks_for_what_resuming_needs() -> None:
         assert f"#SBATCH {wanted}" in lines
 
 
-def test_a_task_that_is_told_to_checkpoint_goes_back_into_the_queue(tmp_path: Path) -> None:
-    """Both commands are stand-ins: the one checkpoints on SIGUSR1 as `mdtopo monitor` does, the other says its call."""
+@pytest.mark.parametrize(
+    ("told", "goes_back"), [(signal.SIGUSR1, True), (signal.SIGTERM, False)], ids=["time is up", "cancelled"]
+)
+def test_a_task_that_is_told_to_checkpoint_goes_back_into_the_queue_unless_it_is_cancelled(
+    tmp_path: Path, told: signal.Signals, goes_back: bool
+) -> None:
+    """Both commands are stand-ins: the one checkpoints on signals as `mdtopo monitor` does, the other says its call."""
     stand_ins = {
-        "mdtopo": "trap 'exit 75' USR1; touch started; while :; do sleep 0.05; done",
+        "mdtopo": "trap 'exit 75' USR1 TERM; touch started; while :; do sleep 0.05; done",
         "scontrol": 'echo "scontrol $*"',
     }
     for name, text in stand_ins.items():
@@ -55,10 +60,10 @@ def test_a_task_that_is_told_to_checkpoint_goes_back_into_the_queue(tmp_path: Pa
             while not (tmp_path / "started").exists():
                 assert time.monotonic() < end
                 time.sleep(0.02)
-            running.send_signal(signal.SIGUSR1)
+            running.send_signal(told)
             said, _ = running.communicate(timeout=30)
         except BaseException:
             os.killpg(running.pid, signal.SIGKILL)
             raise
     assert running.returncode == 75
-    assert "scontrol requeue 7_2\n" in said
+    assert ("scontrol requeue 7_2\n" in said) is goes_back
