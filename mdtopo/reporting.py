@@ -4,8 +4,10 @@ import os
 import secrets
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
+from mdtopo.curvetypes import step_types, types_in_words
 from mdtopo.errors import InputError, OutputError
 from mdtopo.records import Frame
 from mdtopo.reopening import frames_at, input_files, open_again
@@ -148,7 +150,11 @@ def event_scenes(run: RunData, inputs: Sequence[Path] = (), most: int = MOST_SCE
         if path:
             t, on_curve = event_place(run, event)
             kind = run.config.curve if run.config.curve != "none" else "interpolating"
-            scenes[event.alert.id] = event_scene(*path, run.results.strands, event.edges, t, kind, on_curve)
+            scene = event_scene(*path, run.results.strands, event.edges, t, kind, on_curve)
+            if run.config.curve != "none" and event.frames is not None:
+                types = step_types(*path, run.results.strands, event.alert.strands, kind)
+                scene = replace(scene, own_type=types_in_words(types, event.frames))
+            scenes[event.alert.id] = scene
     return scenes, ""
 
 

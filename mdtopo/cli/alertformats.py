@@ -4,8 +4,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 from mdtopo.records.alerts import Alert, AlertKind
 
@@ -15,21 +15,42 @@ SHOWN_LABELS = 4
 """Labels of vertices in a table: a pair of edges has four."""
 
 
-def formatted(alerts: Sequence[Alert], form: str) -> Iterator[str]:
-    """Yield lines, with their ends."""
-    return FORMATS[form](alerts)
+class CurveTypeFields(NamedTuple):
+    """Whether the drawn curve of an alert's strands has their own type at the start and the end of its worst step."""
+
+    curve_type_start: str
+    curve_type_end: str
+    curve_type_reason: tuple[str, ...]
 
 
-def _json_lines(alerts: Iterable[Alert]) -> Iterator[str]:
+CurveTypes: TypeAlias = Mapping[str, CurveTypeFields]
+"""By the id of the alert; alerts that are about no strand or step have none."""
+
+
+def formatted(alerts: Sequence[Alert], form: str, types: CurveTypes | None = None) -> Iterator[str]:
+    """Yield lines, with their ends; with what is known of the types of curves where that is asked for."""
+    return FORMATS[form](alerts, types)
+
+
+def _fields(alert: Alert, types: CurveTypes | None) -> dict[str, Any]:
+    """Return the JSON fields of an alert."""
+    if types is None:
+        return alert.to_mapping()
+    known = types.get(alert.id)
+    more = known._asdict() if known is not None else dict.fromkeys(CurveTypeFields._fields)
+    return {**alert.to_mapping(), **more}
+
+
+def _json_lines(alerts: Iterable[Alert], types: CurveTypes | None) -> Iterator[str]:
     for alert in alerts:
-        yield json.dumps(alert.to_mapping(), ensure_ascii=False, allow_nan=False) + "\n"
+        yield json.dumps(_fields(alert, types), ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _csv_lines(alerts: Iterable[Alert]) -> Iterator[str]:
+def _csv_lines(alerts: Iterable[Alert], types: CurveTypes | None) -> Iterator[str]:
     """Yield one row for each alert under the names of the JSON fields; lists are joined by '; ', null is empty."""
-    yield _csv_row(["schema", *Alert.__slots__])
+    yield _csv_row(["schema", *Alert.__slots__, *(CurveTypeFields._fields if types is not None else ())])
     for alert in alerts:
-        yield _csv_row([_cell(value) for value in alert.to_mapping().values()])
+        yield _csv_row([_cell(value) for value in _fields(alert, types).values()])
 
 
 def _csv_row(cells: Iterable[Any]) -> str:
@@ -44,12 +65,21 @@ def _cell(value: Any) -> Any:
     return "" if value is None else value
 
 
-def _table_lines(alerts: Sequence[Alert]) -> Iterator[str]:
+def _table_lines(alerts: Sequence[Alert], types: CurveTypes | None) -> Iterator[str]:
     """Yield a table with aligned columns; nothing but a heading where there is no alert."""
     rows = [HEADINGS, *(_table_row(alert) for alert in alerts)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
+    if types is not None:
+        column = ["curve's type", *(_types_cell(types.get(alert.id)) for alert in alerts)]
+        rows = [(*row[:-1], cell, row[-1]) for row, cell in zip(rows, column, strict=True)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() + "\n"
+
+
+def _types_cell(types: CurveTypeFields | None) -> str:
+    if types is None:
+        return "-"
+    return " / ".join(word.replace("_", " ") for word in types[:2])
 
 
 def _table_row(alert: Alert) -> tuple[str, ...]:
@@ -91,7 +121,7 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-FORMATS: dict[str, Callable[[Sequence[Alert]], Iterator[str]]] = {
+FORMATS: dict[str, Callable[[Sequence[Alert], CurveTypes | None], Iterator[str]]] = {
     "table": _table_lines,
     "jsonl": _json_lines,
     "csv": _csv_lines,

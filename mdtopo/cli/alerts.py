@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mdtopo.cli.alertformats import FORMATS, formatted
+from mdtopo.cli.alertformats import FORMATS, CurveTypeFields, formatted
 from mdtopo.cli.exits import Exit, say
 from mdtopo.cli.options import VERBOSE, add_options, frame_slice, knob_options
 from mdtopo.cli.resultsfile import add_results_command, say_if_unfinished
@@ -45,7 +45,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
         commands,
         "alerts",
         "filter the alerts of a results file, or draw them anew with another threshold",
-        "[options] RESULTS",
+        "[options] RESULTS [TOPOLOGY TRAJECTORY ...]",
         DESCRIPTION,
         EXAMPLE,
     )
@@ -74,6 +74,20 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument(
         "--format", choices=FORMATS, help="how they are printed (default: table on a terminal, else jsonl)"
     )
+    parser.add_argument(
+        "--curve-type",
+        action="store_true",
+        help="say of each alert whether the drawn curve of its strands has their own type in the two frames of its "
+        "worst step; reads the trajectory again, and takes about a second for each",
+    )
+    parser.add_argument(
+        "inputs",
+        metavar="INPUT",
+        nargs="*",
+        type=Path,
+        default=[],
+        help="with --curve-type: topology and trajectory, where they are not any more where they were",
+    )
     add_options(parser, (VERBOSE,))
     parser.set_defaults(run=run, parser=parser)
 
@@ -98,11 +112,28 @@ def run(arguments: argparse.Namespace) -> Exit:
         _refuse_unknown(arguments.results, arguments.strand, strands)
     chosen = [alert for alert in alerts if all(passes(alert) for passes in _filters(arguments))]
     form = arguments.format or ("table" if sys.stdout.isatty() else "jsonl")
-    for line in formatted(chosen, form):
+    for line in formatted(chosen, form, _curve_types(arguments, chosen)):
         sys.stdout.write(line)
     if form == "table":
         say(f"{len(chosen)} of {len(alerts)} alerts; near-limit means {_limit_in_words(config)}.")
     return Exit.DONE
+
+
+def _curve_types(arguments: argparse.Namespace, chosen: "list[Alert]") -> "dict[str, CurveTypeFields] | None":
+    """Return what `--curve-type` adds to each alert, by its id; None where it is not asked for."""
+    if not arguments.curve_type:
+        if arguments.inputs:
+            arguments.parser.error("input files are only read for --curve-type")
+        return None
+    from mdtopo.curvetypes import alert_types
+    from mdtopo.store import read_so_far
+
+    results = read_so_far(arguments.results, columns=("frame_t0", "frame_t1"))
+    found = alert_types(arguments.results, results, chosen, arguments.inputs)
+    return {
+        key: CurveTypeFields(start.isotopy.name.lower(), end.isotopy.name.lower(), (start.reason, end.reason))
+        for key, (start, end) in found.items()
+    }
 
 
 def _read(arguments: argparse.Namespace) -> "tuple[list[Alert], Strands, MonitorConfig]":

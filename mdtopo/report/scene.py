@@ -61,6 +61,8 @@ class Scene:
         The smooth curve along the pieces of the marked strands; of all strands they would hide the pair.
     no_curve : str
         Why a strand has none, in one sentence; empty where all have one.
+    own_type : str
+        Whether the curve of the event's strands has their own type, in words; empty where nobody looked.
     """
 
     pieces: tuple[Piece, ...]
@@ -71,6 +73,7 @@ class Scene:
     radius: float
     curves: tuple[CurvePath, ...] = ()
     no_curve: str = ""
+    own_type: str = ""
 
 
 def step_path(

@@ -31,12 +31,15 @@ class View:
         When it opens.
     no_curve : str
         Why a strand has no smooth curve in it; empty where all have one.
+    own_type : str
+        Whether the curve of the event's strands has their own type, in words; empty where nobody looked.
     """
 
     picture: str
     data: Mapping[str, Any]
     t: float
     no_curve: str
+    own_type: str
 
     @property
     def n_bytes(self) -> int:
@@ -51,7 +54,7 @@ def views_of(events: Sequence[Event], scenes: Mapping[str, Scene], most_bytes: f
         scene = scenes.get(event.alert.id)
         if scene is None:
             continue
-        view = View(event_picture(scene), _scene_data(scene), scene.t, scene.no_curve)
+        view = View(event_picture(scene), _scene_data(scene), scene.t, scene.no_curve, scene.own_type)
         left -= view.n_bytes
         if left < 0:
             break
