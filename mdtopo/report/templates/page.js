@@ -142,11 +142,12 @@ function heatPlot(element) {
   const d = data.heat, x = unpack(d.x, Float64Array), y = unpack(d.y, Int32Array), values = unpack(d.clearance, Float32Array);
   const steps = unpack(d.step, Int32Array), offsets = unpack(d.offset, Uint16Array), rows = y.length - 1, columns = x.length - 1;
   const strip = { clearance: unpack(d.strip.clearance, Float32Array), step: unpack(d.strip.step, Int32Array), vertex: unpack(d.strip.vertex, Int32Array) };
-  const name = (v) => plain(d.labels[v] || `vertex ${v}`);
   const owner = (v) => { let k = 0; while (k + 2 < d.offsets.length && d.offsets[k + 1] <= v) k += 1; return d.strands.length ? ` of ${plain(d.strands[k])}` : ""; };
-  const said = (value, v, step) => `${name(v)}${owner(v)}<br>${value.toPrecision(4)} Å${value === 0 ? ": a crossing, or not proved" : ""}, step ${step}`;
+  const names = new Map(); // many cells are of one vertex
+  const name = (v) => { if (!names.has(v)) names.set(v, plain(d.labels[v] || `vertex ${v}`) + owner(v)); return names.get(v); };
+  const said = (value, v, step) => `${name(v)}<br>${value.toPrecision(4)} Å${value === 0 ? ": a crossing, or not proved" : ""}, step ${step}`;
   const z = [], crossed = [], text = [];
-  let most = 0;
+  let most = 0, hits = 0;
   for (let r = 0; r < rows; r += 1) {
     const line = [], zero = [], words = [];
     for (let c = 0; c < columns; c += 1) {
@@ -154,6 +155,7 @@ function heatPlot(element) {
       line.push(known ? v : null); zero.push(v === 0 ? 0 : null);
       words.push(known ? said(v, y[r] + offsets[k], steps[k]) : "not measured, or no pair");
       if (v > most) most = v;
+      if (v === 0) hits += 1;
     }
     z.push(line); crossed.push(zero); text.push(words);
   }
@@ -169,7 +171,7 @@ function heatPlot(element) {
   const traces = [
     { ...common, z, zmin: 0, zmax: most || 1, colorscale: NEAR_FAR.map((c, k) => [k / 8, c]),
       colorbar: { ...bar, thickness: 12, outlinewidth: 0 } },
-    { ...common, z: crossed, zmin: 0, zmax: 1, colorscale: [[0, "#D55E00"], [1, "#D55E00"]], showscale: false, hoverongaps: false },
+    ...(hits ? [{ ...common, z: crossed, zmin: 0, zmax: 1, colorscale: [[0, "#D55E00"], [1, "#D55E00"]], showscale: false, hoverongaps: false }] : []),
     { type: "scatter", mode: "lines", xaxis: "x2", x: all.map((r) => (strip.vertex[r] < 0 ? null : strip.clearance[r])), y: middles, line: { color: "#0072B2", width: 1.2 },
       fill: "tozerox", fillcolor: "#0072B222", text: all.map((r) => (strip.vertex[r] < 0 ? "" : words(r))), hovertemplate: "%{text}<extra>least of the run</extra>" },
     { type: "scatter", mode: "markers", xaxis: "x2", x: hit.map(() => 0), y: hit.map((r) => middles[r]), marker: { symbol: "x", size: 6, color: "#D55E00" }, cliponaxis: false,
