@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from html import escape
 from typing import Any, overload
 
 import numpy as np
@@ -82,7 +83,11 @@ class Crossing:
     resolution: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+SHOWN = 20
+"""Rows of a table in a notebook."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Crossings(Sequence[Crossing]):
     """The crossings of consecutive steps, one row each, by step and time; a row as an object is a `Crossing`.
 
@@ -105,6 +110,32 @@ class Crossings(Sequence[Crossing]):
     object: Codes
     motion: NDArray[np.float64]
     resolution: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Return how many there are, and where."""
+        where = f", steps {self.step[0]} to {self.step[-1]}" if len(self) else ""
+        return f"<Crossings: {len(self)}{where}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table for a notebook, of the first rows."""
+        heads = ("step", "frames", "t", "strands", "edges", "sign", "grade")
+        rows = [
+            (
+                crossing.step,
+                f"{crossing.frame_t0}-{crossing.frame_t1}",
+                f"{crossing.t:.6g}",
+                ", ".join(dict.fromkeys(crossing.strands)),
+                " × ".join(crossing.residues),
+                f"{crossing.sign:+d}",
+                crossing.grade.name.lower(),
+            )
+            for crossing in self.rows(slice(SHOWN))
+        ]
+        cells = ["".join(f"<td>{escape(str(value))}</td>" for value in row) for row in rows]
+        shown = f", the first {SHOWN}" if len(self) > SHOWN else ""
+        head = "".join(f"<th>{name}</th>" for name in heads)
+        body = "".join(f"<tr>{row}</tr>" for row in cells)
+        return f"<table><caption>{len(self)} crossings{shown}</caption><tr>{head}</tr>{body}</table>"
 
     @classmethod
     def none(cls) -> "Crossings":

@@ -33,6 +33,8 @@ def headline(summary: RunSummary) -> str:
     """Return the verdict with its meaning, in one line."""
     text = HEADLINES[summary.verdict]
     counts = summary.counts
+    if summary.verdict is RunVerdict.WARN and not counts.near_limit:
+        text = f"every step is proved, but {_warning(summary)}; see the alerts."
     if summary.verdict is RunVerdict.FAIL:
         found = [_crossings(summary)] if any(summary.crossings.values()) else []
         found += [_count(summary.n_fractures, "broken edge", "broken edges")] if summary.n_fractures else []
@@ -46,6 +48,16 @@ def headline(summary: RunSummary) -> str:
     if not counts.steps:
         text = "there is no step to look at: a step needs two frames."
     return f"{summary.verdict.value}: {text}"
+
+
+def _warning(summary: RunSummary) -> str:
+    """Return what is to be warned of in a run without a near-limit step."""
+    curve = summary.curve
+    if curve is not None and curve.crossed:
+        return f"the smooth curve passes in {_count(curve.crossed, 'step', 'steps')}, where its edges do not"
+    if curve is not None and curve.unresolved:
+        return f"{_count(curve.unresolved, 'step is', 'steps are')} not decided for the smooth curve"
+    return "there are warnings"
 
 
 def _crossings(summary: RunSummary) -> str:

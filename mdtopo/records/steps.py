@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cache
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -425,6 +426,14 @@ class StepReport:
     curve_reason: Reason
     curve_place: NDArray[np.float64]
     curve_n_crossings: int
+
+    def _repr_html_(self) -> str:
+        """Return a table for a notebook; the texts in it come from files and are escaped."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        plain = {name: v.name if isinstance(v, IntEnum) else v for name, v in values.items()}
+        shown = {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in plain.items()}
+        rows = "".join(f"<tr><th>{name}</th><td>{escape(str(value))}</td></tr>" for name, value in shown.items())
+        return f"<table><caption>mdtopo step</caption>{rows}</table>"
 
     @property
     def frames(self) -> tuple[int, int]:

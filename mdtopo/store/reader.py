@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Results:
     """What a results file holds.
 
@@ -140,9 +140,18 @@ class Results:
             raise InputError("These results hold no profile: read the file with all its columns, or run it again.")
         return self.profile
 
+    @property
+    def _state(self) -> str:
+        return "in progress" if self.in_progress else "complete" if self.complete else "not complete"
+
+    def __repr__(self) -> str:
+        """Return the run in one line: its columns are no help at a prompt."""
+        held = f"{len(self.stored)} steps, {self.strands.n_strands} strands, {len(self.alerts)} alerts"
+        return f"<Results: {self.summary.get('verdict', 'no verdict yet')}, {self._state}, {held}>"
+
     def _repr_html_(self) -> str:
         """Return a table for a notebook."""
-        state = "in progress" if self.in_progress else "complete" if self.complete else "not complete"
+        state = self._state
         strands, severities = self.strands, Counter(alert.severity for alert in self.alerts)
         kinds = ", ".join(f"{n} {severity.name.lower()}" for severity, n in sorted(severities.items(), reverse=True))
         rows: list[tuple[str, object]] = [

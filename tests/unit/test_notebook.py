@@ -42,14 +42,29 @@ def test_names_of_files_show_as_text(run: tuple[mdtopo.RunSummary, Results]) -> 
 def test_a_prompt_shows_strands_and_results_in_a_few_words(run: tuple[mdtopo.RunSummary, Results]) -> None:
     results = run[1]
     assert repr(results.strands) == f"<Strands: 2 with 4 vertices: {HOSTILE!r} (open, 2), 'b' (open, 2)>"
+    n = len(results.alerts)
+    assert repr(results) == f"<Results: UNPROVEN, complete, 3 steps, 2 strands, {n} alerts>"
+    assert repr(results.crossings) == "<Crossings: 1, steps 1 to 1>"
+    assert repr(results.crossings.rows(slice(0))) == "<Crossings: 0>"
+    table = results.crossings._repr_html_()
+    assert "<td>undersampled</td>" in table
+    assert HOSTILE not in table
     many = Strands.from_lengths([3] * 9, closed=True)
     assert repr(many).endswith("'strand 4' (ring, 3), …>")
     assert "<th>steps</th><td>3</td>" in results._repr_html_()
-    n = len(results.alerts)
     assert {alert.severity.name for alert in results.alerts} == {"WARNING"}
     assert f"<th>alerts</th><td>{n} ({n} warning)</td>" in results._repr_html_()
     assert "<td>in progress</td>" in replace(results, complete=False, in_progress=True)._repr_html_()
     assert list(results.to_dataframe().columns[:4]) == ["frame_t0", "frame_t1", "time_t0", "time_t1"]
+
+
+def test_a_step_shows_itself_as_a_table() -> None:
+    x = np.array([[-1.0, 0, 0], [1, 0, 0], [0, -1, 2.0], [0, 1, 2.0]])
+    report = mdtopo.polyline_step(x, x * [1, 1, 0.5], Strands.from_lengths([2, 2]))
+    table = report._repr_html_()
+    assert "<th>verdict</th><td>CERTIFIED</td>" in table
+    assert f"<th>clearance</th><td>{report.clearance}</td>" in table
+    assert "<th>crossings</th><td>&lt;Crossings: 0&gt;</td>" in table
 
 
 def test_the_plot_holds_every_step_the_limit_and_the_alerts(run: tuple[mdtopo.RunSummary, Results]) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from mdtopo import MonitorConfig, RunSummary, RunVerdict, Severity
 from mdtopo.cli.summary import aligned, counts_as_failure, headline, summary_text
-from mdtopo.records import Grade, StepCounts
+from mdtopo.records import CurveCounts, Grade, StepCounts
 
 NONE = dict.fromkeys(Severity, 0)
 
@@ -17,9 +17,10 @@ def summary(
     crossings: tuple[int, int, int] = (0, 0, 0),
     n_fractures: int = 0,
     clearance: float = 1.25,
+    curve: CurveCounts | None = None,
 ) -> RunSummary:
     found = dict(zip(Grade, crossings, strict=True))
-    return RunSummary(verdict, counts, found, n_fractures, NONE, clearance, 7, 0.5, 8, Path("run.h5"))
+    return RunSummary(verdict, counts, found, n_fractures, NONE, clearance, 7, 0.5, 8, Path("run.h5"), curve=curve)
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,19 @@ def summary(
             "1 step is not decided.",
         ),
         (summary(RunVerdict.FAIL, StepCounts(ball=2), n_fractures=2), "FAIL: 2 broken edges;"),
+        (
+            summary(RunVerdict.WARN, StepCounts(ball=2, near_limit=1), curve=CurveCounts(certified=2, crossed=1)),
+            "WARN: every step is proved, but something came near a limit;",
+        ),
+        (
+            summary(RunVerdict.WARN, StepCounts(ball=2), curve=CurveCounts(certified=1, crossed=1)),
+            "WARN: every step is proved, but the smooth curve passes in 1 step, where its edges do not;",
+        ),
+        (
+            summary(RunVerdict.WARN, StepCounts(ball=3), curve=CurveCounts(certified=1, unresolved=2)),
+            "WARN: every step is proved, but 2 steps are not decided for the smooth curve;",
+        ),
+        (summary(RunVerdict.WARN, StepCounts(ball=3)), "WARN: every step is proved, but there are warnings;"),
     ],
 )
 def test_the_headline_says_what_the_verdict_means(run: RunSummary, words: str) -> None:
