@@ -19,6 +19,7 @@ from mdtopo.geometry.pairs import (
     cheap_bounds,
     direction_clearance,
     hull_clearance,
+    is_far,
     line_bound,
     relative_motion,
 )
@@ -136,7 +137,7 @@ def lower_bounds(
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
-    image = (0, 0, 0)
+    moves, image_move, image = spheres.motion, 0.0, (0, 0, 0)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
@@ -144,13 +145,20 @@ def lower_bounds(
             if len(images) > 0:
                 image = (images[k, 0], images[k, 1], images[k, 2])
             if image != (0, 0, 0):
-                centre0 = add(centre0, lattice_vector(image, basis0))
-                centre1 = add(centre1, lattice_vector(image, basis1))
+                shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+                centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
+                image_move = norm(subtract(shift1, shift0))
             elif are_neighbours(i, j, following):
                 continue
+            else:
+                image_move = 0.0
         f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        wanted = max(least[i], least[j])
+        moved = moves[i] + moves[j] + image_move + slack
+        if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, wanted, np.inf, slack):
+            continue
         gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
-        known, wanted = max(gap, 0.5 * (low0 + low1 - rho)), max(least[i], least[j])
+        known = max(gap, 0.5 * (low0 + low1 - rho))
         if known > 0.0 and known >= wanted:
             continue
         rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
