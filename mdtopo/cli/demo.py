@@ -18,6 +18,9 @@ from mdtopo.errors import OutputError
 WIDTH = 100
 INPUTS = ("duplex.data", "pull.dcd")
 
+PROFILE_STEPS = 2
+"""So few steps that the 59 of the example make a heat map."""
+
 BEFORE = """\
 A model of a double helix, two strands of 60 beads, is pulled until one strand breaks. The 60 frames come from a LAMMPS
 run in the model's own units, which are printed as Å and ps. What runs now is this command:
@@ -55,9 +58,13 @@ def run(arguments: argparse.Namespace) -> Exit:
     names = {"out": "run.h5", "alerts": "alerts.jsonl", "report": "run.html"}
     options = {option: str(directory / name) for option, name in names.items()}
     command = ["mdtopo", "monitor", *map(str, inputs), "-o", options["out"], "--alerts", options["alerts"]]
-    command += ["--report", options["report"], "--overwrite"]
+    command += ["--report", options["report"], "--profile-steps", PROFILE_STEPS, "--overwrite"]
     _print([*_wrapped(BEFORE), "", f"  {shlex.join(map(str, command))}", ""])
-    run_job(inputs, settled(MONITOR_OPTIONS, options, {"overwrite": True}), argv=arguments.argv)
+    run_job(
+        inputs,
+        settled(MONITOR_OPTIONS, options, {"overwrite": True, "profile-steps": PROFILE_STEPS}),
+        argv=arguments.argv,
+    )
     _print(["", *_wrapped(AFTER), "", *_alert_lines(directory / "run.h5"), "", *_next_steps(directory, inputs)])
     return Exit.DONE
 
