@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> Exit:
     names = {"out": "run.h5", "alerts": "alerts.jsonl", "report": "run.html"}
     options = {option: str(directory / name) for option, name in names.items()}
     command = ["mdtopo", "monitor", *map(str, inputs), "-o", options["out"], "--alerts", options["alerts"]]
-    command += ["--report", options["report"], "--profile-steps", PROFILE_STEPS, "--overwrite"]
+    command += ["--report", options["report"], "--profile-steps", str(PROFILE_STEPS), "--overwrite"]
     _print([*_wrapped(BEFORE), "", f"  {shlex.join(map(str, command))}", ""])
     run_job(
         inputs,
