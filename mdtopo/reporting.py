@@ -180,6 +180,8 @@ def check_target(path: Path, *, overwrite: bool) -> None:
         raise OutputError(f"{path} exists already; give --overwrite to replace it, or another name.")
     if not path.parent.is_dir():
         raise OutputError(f"{path} cannot be written, because the directory {path.parent} does not exist.")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{path} cannot be written, because {path.parent} does not allow it to this user.")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -175,7 +175,7 @@ class Ender:
 
     def _room(self, chain: Chain) -> int:
         """Return what is left to be written: parts, and the results file."""
-        return 2 * self.size + (self.n_parts - chain.n_parts) * 120_000
+        return (2 + self.n_parts - chain.n_parts) * self.size
 
 
 def uninterrupted(folder: Path, inputs: list[str]) -> tuple[Path, float]:

@@ -89,6 +89,7 @@ def run(arguments: argparse.Namespace) -> Exit:
     """Run the job as the command line says, and print what it came to."""
     options = settled_options(arguments)
     inputs = [Path(arguments.topology), *(Path(part) for part in arguments.trajectory)]
+    _check_lengths(options, arguments.parser)
     summary = run_job(inputs, options, argv=arguments.argv)
     if summary.checkpoint:
         kept = "shards" if options["dask"] is not None else "parts"
@@ -102,6 +103,16 @@ def run(arguments: argparse.Namespace) -> Exit:
         say(f"the run stopped early: {summary.stopped}{kept}")
         return Exit.BAD_INPUT
     return Exit.ALERTS if counts_as_failure(summary.alerts, options["fail_on"]) else Exit.DONE
+
+
+def _check_lengths(options: Mapping[str, Any], parser: argparse.ArgumentParser) -> None:
+    from mdtopo.pipeline import PartLength, StopRequest
+
+    try:
+        StopRequest(options["max_hours"])
+        PartLength(options["part_steps"], options["part_minutes"])
+    except OptionError as error:
+        parser.error(str(error))
 
 
 def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) -> "RunSummary":

@@ -9,6 +9,7 @@ from typing import IO, Self
 
 from mdtopo.errors import OutputError
 from mdtopo.records import Alert
+from mdtopo.store.atomic import check_target
 
 
 class AlertFile:
@@ -38,6 +39,22 @@ class AlertFile:
         self._file: IO[bytes] | None = None
         self._is_regular = False
         self._reading = False
+
+    def check(self) -> None:
+        """Refuse a file that could not be written, before anything is done for it.
+
+        Raises
+        ------
+        OutputError
+            Says why.
+        """
+        if self._target is None or str(self._target) == "-":
+            return
+        path = Path(self._target)
+        if not path.exists():
+            check_target(path, overwrite=True)
+        elif not os.access(path, os.W_OK):
+            raise OutputError(f"The alert file {path} cannot be written: this user may not.")
 
     def __enter__(self) -> Self:
         if self._target is None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from mdtopo.bonds import BondState
 from mdtopo.errors import InputError, OutputError
@@ -26,6 +27,7 @@ from mdtopo.store import (
     stored_tables,
 )
 from mdtopo.store.atomic import check_target
+from mdtopo.store.parts import DamagedStateError, Part, sound_parts, state_of_parts
 
 log = logging.getLogger("mdtopo")
 
@@ -108,13 +110,13 @@ def open_output(stack: ExitStack, path: Path, head: Head, start: BondState, *, o
         If it exists and is of another run, another process is writing it, or nothing can be written there.
     """
     check_target(path, overwrite=True)
-    if path.exists() and not overwrite and read_state(path) is None and not _holds(path, head):
+    if path.exists() and not overwrite and not _has_parts(path) and not _holds(path, head):
         check_target(path, overwrite=False)
     make_folder(path)
     lock = OutputLock(folder_of(path) / "lock", path)
     leaving = _Leaving(path, lock)
     stack.push(leaving)
-    state = read_state(path)
+    state = _known_state(path, overwrite=overwrite)
     if state is not None and _is_of(path, state):  # killed while it tidied up
         discard(path)
         state = None
@@ -130,9 +132,8 @@ def open_output(stack: ExitStack, path: Path, head: Head, start: BondState, *, o
     if state is not None and resumed:
         started = state["started"]
         head = replace(head, provenance=replace(head.provenance, started=started))
-    parts = PartsWriter(path, head, started, finished_parts(path) if resumed else [])
-    if state is not None and resumed:
-        _check_all_there(path, state, parts)
+    finished = _usable_parts(path, state, overwrite=overwrite) if state is not None and resumed else []
+    parts = PartsWriter(path, head, started, finished)
     parts.begin()
     leaving.parts = parts
     if resumed and parts.parts:
@@ -187,20 +188,73 @@ def _may_go_on(path: Path, state: dict[str, object], head: Head, *, overwrite: b
 def _clear(path: Path, *, overwrite: bool) -> None:
     if not overwrite and any(folder_of(path).glob("part-*.h5")):
         raise OutputError(
-            f"{folder_of(path)} holds parts of a run, but no state.json; restore it, or give --overwrite to begin "
+            f"{folder_of(path)} holds parts of a run that cannot be read; restore them, or give --overwrite to begin "
             "again."
         )
     discard(path)
 
 
-def _check_all_there(path: Path, state: dict[str, object], parts: PartsWriter) -> None:
-    listed = state["parts"]
-    assert isinstance(listed, list)
-    there = {part.path.name for part in parts.parts}
-    for entry in listed:
+def _has_parts(path: Path) -> bool:
+    """Return whether something is left of a run that has not ended."""
+    folder = folder_of(path)
+    return (folder / "state.json").exists() or any(folder.glob("part-*.h5"))
+
+
+def _known_state(path: Path, *, overwrite: bool) -> dict[str, Any] | None:
+    """Return what is known of an unfinished run: from its state file, or where that is lost or damaged from its parts.
+
+    Raises
+    ------
+    OutputError
+        If the state file is of another version of its format, and may not be replaced.
+    """
+    try:
+        state = read_state(path)
+    except DamagedStateError as error:
+        state = state_of_parts(path)
+        log.warning(
+            "%s %s", error, "The parts say what it said." if state else "There are no parts; the run begins again."
+        )
+        return state
+    except OutputError:
+        if overwrite:
+            return None
+        raise
+    return state_of_parts(path) if state is None else state
+
+
+def _usable_parts(path: Path, state: dict[str, Any], *, overwrite: bool) -> list[Part]:
+    """Return the parts to go on behind: all of them, or with `overwrite` those in front of one that is lost or damaged.
+
+    Raises
+    ------
+    OutputError
+        If one is lost or damaged, and may not be replaced.
+    """
+    try:
+        parts = finished_parts(path)
+        _check_all_there(path, state, parts)
+        return parts
+    except OutputError as error:
+        if not overwrite:
+            raise
+        parts = sound_parts(path)
+        begin = f"The run goes on behind step {parts[-1].next_step - 1}." if parts else "The run begins again."
+        log.warning("%s %s", error, begin)
+    sound = {part.path for part in parts}
+    for other in folder_of(path).glob("part-*.h5"):
+        if other not in sound:
+            other.unlink()
+    return parts
+
+
+def _check_all_there(path: Path, state: dict[str, Any], parts: list[Part]) -> None:
+    there = {part.path.name for part in parts}
+    for entry in state["parts"]:
         if entry["name"] not in there:
             raise OutputError(
-                f"{folder_of(path) / entry['name']} is missing; restore it, or give --overwrite to begin again."
+                f"{folder_of(path) / entry['name']} is missing; restore it, or give --overwrite to go on in front of "
+                "it."
             )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from mdtopo.alerts import AlertStream
 from mdtopo.bonds import BondState
-from mdtopo.errors import OutputError, TrajectoryError
+from mdtopo.errors import OptionError, OutputError, TrajectoryError
 from mdtopo.pipeline.alertfile import AlertFile
 from mdtopo.pipeline.assembly import assemble
 from mdtopo.pipeline.output import Output, open_output
@@ -36,10 +36,23 @@ log = logging.getLogger("mdtopo")
 
 @dataclass(frozen=True, slots=True)
 class PartLength:
-    """How long a part of a running output may get: in steps, and in minutes."""
+    """How long a part of a running output may get: in steps, and in minutes.
+
+    Raises
+    ------
+    OptionError
+        If `steps` is below 1, or `minutes` below 0 or no number.
+    """
 
     steps: int = 100_000
     minutes: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not (self.steps >= 1 and self.minutes >= 0.0):
+            raise OptionError(
+                f"A part would have {self.steps} steps and {self.minutes:g} minutes; it must have 1 step or more, and "
+                "no less than 0 minutes."
+            )
 
 
 def monitor(
@@ -140,6 +153,7 @@ def monitor(
         head = Head(opened.strands, config, collect_provenance(paths, argv=argv or [], threads=threads), request)
         if broken_from is not None:
             head, bonds = after_shard(Path(broken_from), head, opened, frames)
+        AlertFile(alerts).check()
         if out is not None:
             start = BondState.intact(len(opened.strands.edges)) if bonds is None else bonds
             output = open_output(stack, Path(out), head, start, overwrite=overwrite)

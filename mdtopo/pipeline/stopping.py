@@ -9,6 +9,8 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
+from mdtopo.errors import OptionError
+
 SIGNALS = ("SIGTERM", "SIGINT", "SIGUSR1")
 """What batch systems send ahead of the end, and the keyboard."""
 
@@ -22,9 +24,16 @@ class StopRequest:
         How long it may go on from now; by default for ever.
     clock : callable
         Seconds, for tests.
+
+    Raises
+    ------
+    OptionError
+        If `max_hours` is below 0, or no number.
     """
 
     def __init__(self, max_hours: float | None = None, *, clock: Callable[[], float] = time.monotonic) -> None:
+        if max_hours is not None and not max_hours >= 0.0:
+            raise OptionError(f"max_hours is {max_hours:g}; it must be 0 or more.")
         self._clock = clock
         self._hours = max_hours
         self._end = None if max_hours is None else clock() + 3600.0 * max_hours

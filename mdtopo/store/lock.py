@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Self
 
 from mdtopo.errors import OutputError
+from mdtopo.store.atomic import failed
 
 HELD: set[Path] = set()
 """Locks of this process: to the system a process never stands in its own way."""
@@ -97,7 +98,10 @@ def is_held(path: Path) -> bool:
 
 def _locked(path: Path, output: Path) -> tuple[int, bool]:
     """Return the open file, and whether it is locked; without locks, nobody lives who has written into it."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise failed(path, error) from error
     try:
         fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

@@ -21,11 +21,17 @@ from mdtopo.store.provenance import Provenance
 from mdtopo.store.reader import read_results
 from mdtopo.store.tables import stored_tables
 from mdtopo.store.writer import ResultsWriter
+from mdtopo.typing import JsonObject
 
 STATE_SCHEMA = "mdtopo.state/1"
+STATE_KEYS = frozenset({"version", "config", "request", "inputs", "started", "next_step", "parts"})
 
 EndKind: TypeAlias = Literal["put down", "failed"]
 """How a run ends that does not come to its last step: on request, or by an error."""
+
+
+class DamagedStateError(OutputError):
+    """A state file says nothing that can be relied on; the parts know all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +109,10 @@ def read_state(out: Path) -> dict[str, Any] | None:
 
     Raises
     ------
+    DamagedStateError
+        If it is damaged.
     OutputError
-        If it cannot be understood.
+        If it is of another version of its format.
     """
     path = folder_of(out) / "state.json"
     try:
@@ -112,9 +120,17 @@ def read_state(out: Path) -> dict[str, Any] | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        raise OutputError(f"{path} cannot be read ({error}); give --overwrite to begin again.") from error
-    if not isinstance(state, dict) or state.get("schema") != STATE_SCHEMA:
-        raise OutputError(f"{path} is no state file that this mdtopo knows ({STATE_SCHEMA}).")
+        raise DamagedStateError(f"{path} cannot be read ({error}).") from error
+    if not isinstance(state, dict) or not isinstance(state.get("schema"), str):
+        raise DamagedStateError(f"{path} is no state file of mdtopo.")
+    if state["schema"] != STATE_SCHEMA:
+        raise OutputError(
+            f"{path} has the format {state['schema']}, and this mdtopo knows {STATE_SCHEMA}; use the mdtopo that began "
+            "the run, or give --overwrite to begin again."
+        )
+    missing = STATE_KEYS - set(state)
+    if missing:
+        raise DamagedStateError(f"{path} lacks {sorted(missing)[0]!r}.")
     return state
 
 
@@ -126,21 +142,63 @@ def finished_parts(out: Path) -> list[Part]:
     OutputError
         If one is missing or damaged.
     """
+    return list(_parts_in_order(out))
+
+
+def sound_parts(out: Path) -> list[Part]:
+    """Return the finished parts of an output in front of the first one that is missing or damaged."""
     parts: list[Part] = []
+    with suppress(OutputError):
+        for part in _parts_in_order(out):
+            parts.append(part)
+    return parts
+
+
+def _parts_in_order(out: Path) -> Iterator[Part]:
+    expected = 0
     for path in sorted(folder_of(out).glob("part-*.h5")):
         try:
             found = read_results(path, columns=("frame_t1",))
         except InputError as error:
-            raise OutputError(f"{error} Restore it, or give --overwrite to begin again.") from error
-        expected = parts[-1].next_step if parts else 0
-        if found.first_step != expected or found.bonds is None:
+            raise OutputError(f"{error} Restore it, or give --overwrite to go on in front of it.") from error
+        frames = found.steps["frame_t1"]
+        if found.first_step != expected or found.bonds is None or not len(frames):
             raise OutputError(
                 f"{path} begins with step {found.first_step} where step {expected} belongs; a part is missing. "
-                "Restore it, or give --overwrite to begin again."
+                "Restore it, or give --overwrite to go on in front of it."
             )
-        frames = found.steps["frame_t1"]
-        parts.append(Part(path, found.first_step, len(frames), int(frames[-1]), found.bonds))
-    return parts
+        part = Part(path, found.first_step, len(frames), int(frames[-1]), found.bonds)
+        expected = part.next_step
+        yield part
+
+
+def state_of_parts(out: Path) -> dict[str, Any] | None:
+    """Return what a state file would say of the parts that are there, worked out from them; None where there are none.
+
+    That a part is missing behind the last one cannot be told from them.
+    """
+    parts = sound_parts(out)
+    if not parts:
+        return None
+    found = read_results(parts[0].path, columns=())
+    identity = {
+        "version": found.provenance["versions"].get("mdtopo"),
+        "config": found.config,
+        "request": found.request,
+        "inputs": found.provenance["inputs"],
+    }
+    return _state(identity, found.provenance["started"], parts)
+
+
+def _state(identity: JsonObject, started: str, parts: list[Part]) -> dict[str, Any]:
+    return {
+        "schema": STATE_SCHEMA,
+        **identity,
+        "started": started,
+        "next_step": parts[-1].next_step if parts else 0,
+        "last_frame": parts[-1].last_frame if parts else None,
+        "parts": [{"name": p.path.name, "first_step": p.first_step, "n_steps": p.n_steps} for p in parts],
+    }
 
 
 def part_tables(out: Path) -> Iterator[StepTable]:
@@ -247,15 +305,7 @@ class PartsWriter:
         self._write_state({"ended": {"kind": kind, "reason": reason}})
 
     def _write_state(self, more: Mapping[str, Any] | None = None) -> None:
-        state = {
-            "schema": STATE_SCHEMA,
-            **self.head.identity(),
-            "started": self.started,
-            "next_step": self.parts[-1].next_step if self.parts else 0,
-            "last_frame": self.parts[-1].last_frame if self.parts else None,
-            "parts": [{"name": p.path.name, "first_step": p.first_step, "n_steps": p.n_steps} for p in self.parts],
-            **(more or {}),
-        }
+        state = {**_state(self.head.identity(), self.started, self.parts), **(more or {})}
         write_text(folder_of(self.out) / "state.json", json.dumps(state, indent=1))
 
 
@@ -267,7 +317,12 @@ def make_folder(out: Path) -> None:
     OutputError
         If it cannot be made.
     """
+    folder = folder_of(out)
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(
+            f"{folder} is no directory, and parts of {out} belong there; remove it, or name another output."
+        )
     try:
-        folder_of(out).mkdir(exist_ok=True)
+        folder.mkdir(exist_ok=True)
     except OSError as error:
         raise failed(out, error) from error

@@ -62,11 +62,9 @@ class Look:
 
 
 def is_output(path: Path) -> bool:
-    """Return whether a name is that of a run's output, finished or not; one that is not there yet, by its ending."""
-    if folder_of(path).is_dir():
+    """Return whether a name is that of a run's output, finished or not; by its ending where nothing else tells."""
+    if folder_of(path).is_dir() or path.suffix in (".h5", ".hdf5"):
         return True
-    if not path.exists():
-        return path.suffix in (".h5", ".hdf5")
     try:
         with opened_results(path):
             return True

@@ -1,5 +1,6 @@
 """Runs that are ended and gone on with: nothing that was finished is lost, and the outcome is the same."""
 
+import errno
 import json
 import os
 import shlex
@@ -173,6 +174,109 @@ def test_a_missing_part_is_named(trajectory: Path, tmp_path: Path) -> None:
     first.write_bytes(kept[:100])
     with pytest.raises(OutputError, match=r"is truncated or damaged .*Restore it"):
         mdtopo.monitor(trajectory, out=out)
+
+
+@pytest.fixture
+def whole(trajectory: Path, tmp_path: Path) -> Path:
+    """The results of a run that nobody ended."""
+    out = tmp_path / "whole.h5"
+    mdtopo.monitor(trajectory, out=out)
+    return out
+
+
+def check_goes_on(trajectory: Path, out: Path, whole: Path, kept: int, **how: object) -> None:
+    """Go on with a run, and check that it has kept some parts and ends as the whole one has."""
+    before = kill_runs.digests(folder_of(out))
+    mdtopo.monitor(trajectory, out=out, parts=SHORT, stop=StopsAfter(1), **how)  # type: ignore[arg-type]
+    after = kill_runs.digests(folder_of(out))
+    assert sum(after.get(name) == digest for name, digest in before.items()) == kept
+    mdtopo.monitor(trajectory, out=out, **how)  # type: ignore[arg-type]
+    found, expected = kill_runs.contents(out), kill_runs.contents(whole)
+    for key in {*found, *expected} - {"@provenance"}:
+        assert found[key] == expected[key], key
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "[]", '{"schema": "mdtopo.state/1"}', "\N{SNOWMAN}"])
+def test_a_state_file_that_is_lost_or_damaged_costs_nothing(
+    trajectory: Path, tmp_path: Path, whole: Path, text: str | None
+) -> None:
+    out = tmp_path / "run.h5"
+    put_down(trajectory, out, parts=SHORT)
+    state = folder_of(out) / "state.json"
+    if text is None:
+        state.unlink()
+    else:
+        state.write_text(text, encoding="utf-16")
+    with pytest.raises(OutputError, match=r"near_limit was 0\.8, and now is 0\.7"):  # the parts know whose they are
+        mdtopo.monitor(trajectory, out=out, config=MonitorConfig(near_limit=0.7))
+    check_goes_on(trajectory, out, whole, 2)
+
+
+def test_a_state_file_of_another_version_is_left_alone(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    put_down(trajectory, out, parts=SHORT)
+    state = folder_of(out) / "state.json"
+    state.write_text(state.read_text().replace("mdtopo.state/1", "mdtopo.state/9"))
+    with pytest.raises(OutputError, match=r"has the format mdtopo\.state/9, and this mdtopo knows mdtopo\.state/1"):
+        mdtopo.monitor(trajectory, out=out)
+    assert mdtopo.monitor(trajectory, out=out, overwrite=True).n_steps == 239
+
+
+@pytest.mark.parametrize(("name", "kept"), [("part-0000000000.h5", 0), ("part-0000000064.h5", 1)])
+@pytest.mark.parametrize("size", [None, 0, 5000])
+def test_in_front_of_a_lost_or_damaged_part_a_run_goes_on_when_it_is_told_to(
+    trajectory: Path, tmp_path: Path, whole: Path, name: str, kept: int, size: int | None
+) -> None:
+    out = tmp_path / "run.h5"
+    put_down(trajectory, out, parts=SHORT)
+    path = folder_of(out) / name
+    if size is None:
+        path.unlink()
+    else:
+        os.truncate(path, size)
+    with pytest.raises(OutputError, match=r"part-\d+\.h5 .*[Rr]estore it, or give --overwrite to go on in front of it"):
+        mdtopo.monitor(trajectory, out=out)
+    check_goes_on(trajectory, out, whole, kept, overwrite=True)
+
+
+def test_what_stands_in_the_place_of_the_parts_is_named(trajectory: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run.h5"
+    folder_of(out).write_text("mine")
+    with pytest.raises(OutputError, match=r"run\.h5\.parts is no directory, and parts of .*run\.h5 belong there"):
+        mdtopo.monitor(trajectory, out=out)
+    assert folder_of(out).read_text() == "mine"
+
+
+def test_a_lock_that_cannot_be_made_is_named(trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_folder(tmp_path / "run.h5")
+    opened = os.open
+
+    def refuse(path: object, *rest: int) -> int:
+        if str(path).endswith("lock"):
+            raise OSError(errno.EROFS, "Read-only file system")
+        return opened(path, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(OutputError, match=r"lock cannot be written \(Read-only file system\)"):
+        mdtopo.monitor(trajectory, out=tmp_path / "run.h5")
+
+
+def test_an_alert_file_that_cannot_be_made_leaves_no_trace(trajectory: Path, tmp_path: Path) -> None:
+    with pytest.raises(
+        OutputError, match=r"alerts\.jsonl cannot be written, because the directory .*none does not exist"
+    ):
+        mdtopo.monitor(trajectory, out=tmp_path / "run.h5", alerts=tmp_path / "none" / "alerts.jsonl")
+    assert [path.name for path in tmp_path.iterdir()] == ["input.npz"]
+
+
+@pytest.mark.parametrize(
+    "words", [["--max-hours", "-1"], ["--max-hours", "nan"], ["--part-minutes", "-1"]], ids=" ".join
+)
+def test_times_below_zero_are_wrong_usage(
+    trajectory: Path, tmp_path: Path, capsys: pytest.CaptureFixture, words: list[str]
+) -> None:
+    assert main(["monitor", str(trajectory), "-o", str(tmp_path / "run.h5"), *words]) == Exit.USAGE
+    assert words[1] in capsys.readouterr().err
 
 
 def test_an_object_in_memory_is_not_gone_on_with(tmp_path: Path) -> None:
