@@ -3,6 +3,7 @@
 import base64
 from collections.abc import Iterator
 from io import BytesIO
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,9 @@ MARKS = (VERMILLION, BLUE)
 
 PANEL_POINTS = 205.0
 """Width of one of the three instants, in points (1/72 inch); dots are drawn in lengths and need it."""
+
+ARC_AHEAD = 0.02
+"""How far marked arcs are drawn towards the eye, in half widths of the view."""
 
 OCTAGON = np.stack([trig(np.arange(9) * np.pi / 4) for trig in (np.cos, np.sin)], axis=1)
 
@@ -62,12 +66,21 @@ def _draw(axes: "Axes", scene: Scene, t: float, frame: Points) -> None:
     strips = list(_strips(scene, t, frame))
     marked = [(1.0 - t) * x0 + t * x1 for x0, x1 in scene.marked]
     for x, colour in zip(marked, MARKS, strict=False):
-        strips += [Strip(x[k : k + 2] @ frame.T, colour, 3.6, len(x) == 2) for k in range(len(x) - 1)]
-    strips.sort(key=lambda strip: float(strip.ends[:, 2].mean()))  # the nearest last
+        strips += [Strip(ends @ frame.T, colour, 3.6, len(x) == 2) for ends in _chords(x)]
+    # the nearest last; marked arcs before the curve that they are part of
+    ahead = ARC_AHEAD * scene.radius
+    strips.sort(key=lambda strip: float(strip.ends[:, 2].mean()) + ahead * (strip.colour in MARKS and not strip.dots))
     _paint(axes, strips, PANEL_POINTS / (2.0 * scene.radius))
     axes.set(xlim=(-scene.radius, scene.radius), ylim=(-scene.radius, scene.radius), xticks=[], yticks=[])
     axes.set_aspect("equal")
     axes.set_title(f"t = {t:.4g}    {distance_words(marked)}", fontsize=10)
+
+
+def _chords(x: Points) -> Iterator[Points]:
+    """Yield the chords of a path, those of an arc longer than they are, so that no halo shows between them."""
+    overlap = 0.0 if len(x) == 2 else 0.6
+    for a, b in pairwise(x):
+        yield np.stack([a - overlap * (b - a), b + overlap * (b - a)])
 
 
 def _strips(scene: Scene, t: float, frame: Points) -> Iterator[Strip]:

@@ -11,7 +11,7 @@ import pytest
 
 from mdtopo import MonitorConfig, monitor
 from mdtopo.errors import InputError
-from mdtopo.records import Frame, Reason, Strands, Verdict
+from mdtopo.records import CurveVerdict, Frame, Reason, Strands, Verdict
 from mdtopo.reopening import input_files
 from mdtopo.store import Results, read_results
 from mdtopo.verification import Sampling, StepCheck, check_step, chosen_steps, file_differences, verify
@@ -57,6 +57,7 @@ def store_crossing(path: Path, **values: Any) -> None:
             dataset[0] = row.get(name, 0)
         steps = file["steps"]
         steps["n_crossings"][...] = steps["curve_n_crossings"][...] = 0
+        steps["curve_verdict"][...] = CurveVerdict.NONE
         steps["n_crossings"][CROSSED] = 1
         steps["verdict"][CROSSED] = Verdict.CROSSING
         steps["reason"][CROSSED] = Reason.NONE
@@ -116,6 +117,7 @@ def test_an_unresolved_step_is_told_what_the_referee_finds(run: Callable[..., Pa
     tamper(path, "verdict", CROSSED, Verdict.UNRESOLVED)
     tamper(path, "n_crossings", CROSSED, 0)
     tamper(path, "curve_n_crossings", CROSSED, 0)
+    tamper(path, "curve_verdict", CROSSED, CurveVerdict.NONE)
     with h5py.File(path, "a") as file:
         for dataset in file["crossings"].values():
             dataset.resize(0, axis=0)
@@ -395,6 +397,7 @@ def test_what_hangs_on_rounding_is_noted_where_coordinates_are_turned(
                 dataset.resize(0, axis=0)
             for name, value in (("verdict", Verdict.CERTIFIED), ("n_crossings", 0), ("clearance", clearance)):
                 file[f"steps/{name}"][CROSSED] = value
+            file["steps/curve_verdict"][CROSSED] = CurveVerdict.NONE
         (check,) = verify(path, sampling=Sampling(steps=(CROSSED,))).checks
         turned = motion == "rigid" and agrees
         assert bool(check.differences) is not turned
