@@ -96,7 +96,9 @@ def climb(v: FloatArray, count: int, slack: float) -> tuple[float, int, float, f
         if clearance > 0.0:
             return clearance, BY_DIRECTION, low[0], low[1], rho
         if low[0] > 0.0 and low[1] > 0.0:
-            return hull_distance(both) - slack, BY_HULL, low[0], low[1], rho
+            clearance = hull_distance(both) - slack
+            if clearance > 0.0:
+                return clearance, BY_HULL, low[0], low[1], rho
     return min(clearance, 0.0), NOT_AT_ALL, low[0], low[1], rho
 
 

@@ -1,11 +1,20 @@
 """Motions of composite curves, chosen to lie where a certificate is easily wrong, and what exact subdivision says."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from oracles.curves import Meeting, Meetings, curve_at, following_of, is_contact, moving_meetings
+from oracles.curves import (
+    Meeting,
+    Meetings,
+    curve_at,
+    following_of,
+    is_contact,
+    moving_meetings,
+    static_meetings,
+)
 from oracles.splines import b_spline_cubics, catmull_rom_cubics, interpolating_cubics
 from soundness.families import Generator, Points, powers, signs, unit
 
@@ -20,7 +29,8 @@ MOST_PIECES = 400
 class Motion:
     """Control points (m, degree + 1, 3) at both ends, how many segments each strand has, and which are closed.
 
-    `touch` is an exact contact, as time and two places, where the motion was made to have one.
+    `touch` is an exact contact, as time and two places, where the motion was made to have one; `cells` are the lattice
+    vectors at both ends, of a motion with periodic images.
     """
 
     start: Points
@@ -28,6 +38,7 @@ class Motion:
     lengths: tuple[int, ...]
     closed: tuple[bool, ...]
     touch: tuple[float, tuple[int, float], tuple[int, float]] | None = None
+    cells: tuple[Points, Points] | None = None
 
     @property
     def following(self) -> list[int]:
@@ -35,7 +46,8 @@ class Motion:
 
     def in_hex(self) -> str:
         both = [[[[v.hex() for v in p] for p in s] for s in x.tolist()] for x in (self.start, self.end)]
-        return f"{both} {self.lengths} {self.closed}"
+        cells = None if self.cells is None else [[[v.hex() for v in row] for row in x.tolist()] for x in self.cells]
+        return f"{both} {self.lengths} {self.closed} {cells}"
 
 
 def joined(points: Points, lengths: Sequence[int], closed: Sequence[bool]) -> Points:
@@ -143,6 +155,31 @@ def exact_touch(rng: Generator) -> Motion:
     return Motion(start, end, (1, 1), (False, False), (0.5, (0, 0.5), (1, 0.5)))
 
 
+def planar_at_rest(rng: Generator) -> Motion:
+    """A curve in the plane that stands still: what it has in common with itself can be shown exactly."""
+    still = composite(rng).start * np.array([1.0, 1.0, 0.0])
+    lengths = (len(still),)
+    still = joined(still + 3.0 * np.arange(len(still))[:, np.newaxis, np.newaxis] * [1.0, 0.3, 0.0], lengths, (False,))
+    return Motion(still, still, lengths, (False,))
+
+
+def through_the_boundary(rng: Generator) -> Motion:
+    """Two curves of which an image of the second nearly touches the first, in skewed cells that change a little."""
+    motion = (near_touching, grazing)[int(rng.integers(2))](rng)
+    cell = rng.uniform(4.0, 8.0) * (np.eye(3) + rng.uniform(-0.3, 0.3, size=(3, 3)))
+    cells = [dyadic(cell @ (np.eye(3) + rng.normal(scale=scale, size=(3, 3)))) for scale in (0.0, 0.01)]
+    counts = rng.integers(-1, 2, size=3)
+    ends = []
+    for x, h in zip((motion.start, motion.end), cells, strict=True):
+        ends.append(np.stack([x[0], x[1] - counts @ h]))
+    return Motion(ends[0], ends[1], motion.lengths, motion.closed, cells=(cells[0], cells[1]))
+
+
+def dyadic(cell: Points) -> Points:
+    """Return a cell of which small multiples and their sums are floats."""
+    return np.round(cell * 2.0**30) / 2.0**30
+
+
 FAMILIES: dict[str, Callable[[Generator], Motion]] = {
     "composite": composite,
     "spline": spline,
@@ -152,6 +189,8 @@ FAMILIES: dict[str, Callable[[Generator], Motion]] = {
     "nearly cusped": nearly_cusped,
     "folds": folds,
     "exact touch": exact_touch,
+    "planar at rest": planar_at_rest,
+    "through the boundary": through_the_boundary,
 }
 
 
@@ -197,7 +236,25 @@ def complaint(claim: Claim, exact: Meetings, touches: bool) -> str:
 
 
 def exact_meetings(motion: Motion, *, most_pieces: int = MOST_PIECES) -> Meetings:
-    return moving_meetings(motion.start, motion.end, motion.following, most_pieces=most_pieces)
+    if not motion.start[..., 2].any() and np.array_equal(motion.start, motion.end):
+        return static_meetings(motion.start[..., :2], motion.following, most_pieces=most_pieces)
+    found = [moving_meetings(motion.start, motion.end, motion.following, most_pieces=most_pieces)]
+    for shift in shifts_in_reach(motion):
+        found.append(moving_meetings(motion.start, motion.end, motion.following, shift=shift, most_pieces=most_pieces))
+    meetings = sorted((m for one in found for m in one.meetings), key=lambda m: m.t)
+    return Meetings(tuple(meetings), tuple(m for one in found for m in one.undecided))
+
+
+def shifts_in_reach(motion: Motion) -> Iterator[Points]:
+    """Yield the shifts, (2, 3), by which the box of the motion may meet its own image; of ± one of the two."""
+    if motion.cells is None:
+        return
+    both = np.stack([motion.start, motion.end]).reshape(2, -1, 3)
+    size = (both.max(axis=(0, 1)) - both.min(axis=(0, 1))) * (1.0 + 1e-9)
+    for counts in product(range(-9, 10), repeat=3):
+        shift = np.stack([np.array(counts, dtype=float) @ cell for cell in motion.cells])
+        if counts > (0, 0, 0) and (shift.min(axis=0) <= size).all() and (shift.max(axis=0) >= -size).all():
+            yield shift
 
 
 Claimant = Callable[[Motion], Claim]

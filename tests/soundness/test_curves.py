@@ -10,7 +10,8 @@ import pytest
 from oracles.curves import Meeting, Meetings, Place
 from soundness.curves import FAMILIES, Claim, Motion, Points, Tally, complaint, is_touching, judged
 
-from mdtopo import CompositeBezier, Verdict, curve_step, d_star
+from mdtopo import CompositeBezier, Rung, Verdict, curve_step, d_star
+from mdtopo.curveladder import measure_curve
 
 MOTIONS = 60
 CAMPAIGN = int(os.environ.get("MDTOPO_CURVE_CAMPAIGN", "20000"))
@@ -60,6 +61,8 @@ def as_printed(motion: Motion) -> Claim:
 
 def by_curve_step(motion: Motion) -> Claim:
     """Say what the package says of the step from one curve to the other, its crossings with their signs."""
+    if motion.cells is not None:
+        return by_measure_curve(motion, *motion.cells)
     start, end = (
         CompositeBezier.from_control_points(x, lengths=motion.lengths, closed=motion.closed)
         for x in (motion.start, motion.end)
@@ -71,6 +74,18 @@ def by_curve_step(motion: Motion) -> Claim:
     )
     undecided = report.verdict is Verdict.UNRESOLVED or report.n_open > 0
     return Claim(report.verdict is Verdict.CERTIFIED, undecided, passages)
+
+
+def by_measure_curve(motion: Motion, cell0: Points, cell1: Points) -> Claim:
+    """Say the same of a motion with periodic images."""
+    following = np.array(motion.following)
+    measure = measure_curve(motion.start, motion.end, following, cell0, cell1, True, 0.0)
+    passages = tuple(
+        Meeting(t, Place(int(i), u), Place(int(j), v), int(sign))
+        for i, j, _, _, _, t, u, v, sign in measure.found[:, :9]
+    )
+    is_open = measure.rung == Rung.OPEN
+    return Claim(not is_open and not passages, is_open, passages)
 
 
 def said(name: str, tally: Tally) -> None:
@@ -104,6 +119,8 @@ JUDGED = {
     "nearly cusped": 60,
     "folds": 60,
     "exact touch": 10,
+    "planar at rest": 40,
+    "through the boundary": 40,
 }
 """Motions of each family; the exact judge takes from a hundredth of a second to a second for one."""
 
@@ -176,7 +193,15 @@ def test_the_judge_names_what_is_false(claim: Claim, exact: Meetings, touches: b
 
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("near touching", 1), ("grazing", 10), ("sized", 1), ("nearly cusped", 1), ("exact touch", 12)],
+    [
+        ("near touching", 1),
+        ("grazing", 10),
+        ("sized", 1),
+        ("nearly cusped", 1),
+        ("exact touch", 12),
+        ("planar at rest", 4),
+        ("through the boundary", 4),
+    ],
 )
 def test_a_campaign_counts_false_certificates(name: str, least: int) -> None:
     tally = judged(name, generator(name, 5), 12, lambda motion: SURE)
