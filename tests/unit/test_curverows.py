@@ -190,6 +190,31 @@ def test_images_are_seen_and_named_as_the_polyline_s_are(tmp_path: Path) -> None
     assert curve.t == pytest.approx(polyline.t, abs=1e-9)
 
 
+@pytest.mark.parametrize("seed", [0, 1, 7, 10, 13])
+def test_in_a_box_the_curve_passes_where_explicit_images_of_it_do(tmp_path: Path, seed: int) -> None:
+    random, cell = np.random.default_rng(seed), np.array([[7.0, 0, 0], [1.5, 7.0, 0], [-1.0, 2.0, 7.0]])
+    angle = np.arange(6) * np.pi / 3
+    ring = 2.5 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    bars = [np.linspace([-3, 0, 0], [3, 0, 0], 4) @ np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2)]
+    places = random.uniform(0, 7, size=(3, 3))
+    start = np.concatenate([part + place for part, place in zip([ring, *bars], places, strict=True)])
+    shift = np.repeat(random.uniform(-1.6, 1.6, size=(3, 3)), [6, 4, 4], axis=0)
+    end = start + shift + random.normal(scale=0.4, size=start.shape)
+    strands = Strands.from_lengths([6, 4, 4], closed=[True, False, False])
+    stored = [x - np.floor(x @ np.linalg.inv(cell)) @ cell for x in (start, end)]  # atom by atom
+    _, results = job(tmp_path, np.stack(stored), strands, np.stack([cell] * 2))
+    images = np.array([(a, b, c) for a in (0, -1, 1) for b in (0, -1, 1) for c in (0, -1, 1)])  # home comes first
+    many = Strands.from_lengths([6, 4, 4] * 27, closed=[True, False, False] * 27)
+    ends = [spline_curve(np.concatenate([x + image @ cell for image in images]), many) for x in (start, end)]
+    report = curve_step(*ends)
+    # one of the 12 segments at home takes part; seen from the other one it is the same passage again
+    expected = {(round(c.t, 7), c.sign) for c in report.crossings if min(c.segments) < 12}
+    found = [(round(c.t, 7), c.sign) for c in results.curve_crossings]
+    assert report.n_open == 0
+    assert sorted(found) == sorted(expected)
+    assert (results.steps["curve_verdict"][0] == CurveVerdict.CERTIFIED) == (not found)
+
+
 # --- broken edges, and what cannot be measured ------------------------------------------------------------------------
 
 
