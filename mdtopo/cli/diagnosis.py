@@ -243,7 +243,7 @@ def _with_steps(
     reference: ReferenceLengths = reference_lengths(reference_samples(first, strands))
     announce_compilation()
     block = block_of(sample, 0, periodic=first[0].cell is not None)
-    table, _ = measure_block(block, Setting.start(strands, replace(config, profile_steps=0), reference))
+    table, _ = measure_block(block, Setting.start(strands, replace(config, profile_steps=0, curve="none"), reference))
     return replace(found, sample=Sample.of(table)), []
 
 
