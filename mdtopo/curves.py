@@ -168,7 +168,9 @@ def step_motion(
         The traces.
     """
     turn = basis_of(rotation.T)  # as rows times a matrix
-    turned, turned_cell = x1.copy(), np.zeros((3, 3))
+    turned, turned_cell = x1, np.zeros((3, 3))
+    if periodic or rigid:
+        turned = x1.copy()
     usable, is_turned = True, rigid
     if periodic:
         basis0, basis1 = basis_of(cell0), matching_basis(basis_of(cell0), basis_of(cell1))
@@ -183,9 +185,9 @@ def step_motion(
         rotate_rows(turned, turn)
     if periodic:
         _place_beside(x0, turned, basis_of(turned_cell), vertices, offsets)
-    before, after = centroid(x0), centroid(turned)
     translation = (0.0, 0.0, 0.0)
     if rigid:
+        before, after = centroid(x0), centroid(turned)
         shift = subtract(after, before)
         for i in range(len(turned)):
             turned[i, 0], turned[i, 1], turned[i, 2] = subtract(row(turned, i), shift)

@@ -79,7 +79,14 @@ def comes_first(edges: IntArray, i: int, j: int, witness: IntArray) -> bool:
     return low < witness[0] or (low == witness[0] and high < witness[2])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
+def changes_nu(near0: float, near1: float, low0: float, low1: float, values: FloatArray) -> bool:
+    """Return whether a pair of edges with these distances may change ν at one of the ends, its pair included."""
+    proven = low0 < values[NU0_PROVEN] or low1 < values[NU1_PROVEN]
+    return proven or near1 < values[NU1] or near0 <= values[NU0]
+
+
+@njit(cache=True, nogil=True)
 def keep_nu(
     edges: IntArray,
     i: int,
@@ -101,7 +108,7 @@ def keep_nu(
         write_pair(best.nu_witness, edges, i, j)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: float, best: Extremes) -> None:
     """Update the greatest ρ/(d0 + d1) with one pair of edges; infinite where no distance is proved."""
     apart = low0 + low1
@@ -111,7 +118,7 @@ def keep_ratio(edges: IntArray, i: int, j: int, rho: float, low0: float, low1: f
         write_pair(best.ratio_witness, edges, i, j)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def keep_clearance(edges: IntArray, i: int, j: int, kind: int, clearance: float, best: Extremes) -> None:
     """Update the least clearance of a class with one pair of edges."""
     least = best.least[kind]

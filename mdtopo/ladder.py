@@ -59,7 +59,7 @@ WIDEST_REACH = 4.0
 FIRST_REACH = 1.4
 """The first search looks this much further than the least distance of local pairs, which bounds ν from above."""
 
-SPARE_REACH = 1.3
+SPARE_REACH = 1.1
 """And this much further than the step before had to look, which spares most steps a second search."""
 
 

@@ -8,6 +8,7 @@ from mdtopo.curves import StepMotion
 from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
 from mdtopo.geometry.bundles import near_edges
 from mdtopo.geometry.lattice import basis_of
+from mdtopo.geometry.pairs import BOUND_ERROR
 from mdtopo.spheres import Spheres
 
 FloatArray = NDArray[np.float64]
@@ -25,14 +26,18 @@ REACH_GUARD = 1.0 + 1e-9
 def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> FloatArray:
     """Return by how much the edges are enlarged, Å, so that all pairs that count are found to meet.
 
-    Two edges of which the enlarged ones never meet stay more than `reach` apart. Rung 3 proves as much, since ρ is at
-    most the sum of their motions: whether such a pair is looked at cannot be seen in a clearance. And their ratio is
-    below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already.
+    Two edges of which the enlarged ones never meet, as boxes or as swept spheres, stay more than `reach` apart. Rung 2
+    proves as much: the slabs across an axis are further apart, or those across the line of centres, and what rounding
+    takes from these is added here (see `cheap_bounds`; the line of centres is as long as both spheres are wide where
+    they just miss each other). So whether such a pair is looked at cannot be seen in a clearance. And its ratio is
+    below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already: ρ is at most the sum of the
+    motions.
     """
     share = 0.5 * RATIO_REACH if ratio * RATIO_REACH <= 1.0 else 0.5 / ratio
     pads = np.empty(len(spheres.half))
     for k in range(len(pads)):
-        pads[k] = max(0.5 * (reach + spheres.motion[k]), share * spheres.motion[k]) * REACH_GUARD + slack
+        pad = max(0.5 * reach, share * spheres.motion[k]) * REACH_GUARD + slack
+        pads[k] = pad + 4.0 * BOUND_ERROR * (spheres.half[k] + spheres.motion[k] + pad)
     return pads
 
 

@@ -1,6 +1,6 @@
 """The rung of the ladder that settles a pair of edges, and what the pair adds to the extremes of its step.
 
-Here are rungs 2 to 5, and the end terms of ν. For the whole ladder see `mdtopo.ladder`.
+Here are rungs 2 to 4, and the end terms of ν. For the whole ladder see `mdtopo.ladder`.
 """
 
 import numpy as np
@@ -16,18 +16,20 @@ from mdtopo.extremes import (
     NU1_PROVEN,
     RATIO,
     Extremes,
+    changes_nu,
     keep_clearance,
     keep_nu,
     keep_ratio,
 )
 from mdtopo.geometry.distances import closest_points, dual_bound
-from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
+from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.pairs import (
     BOUND_ERROR,
+    Corners,
+    axis_gap,
     cheap_bounds,
     direction_clearance,
     hull_clearance,
-    is_apart_along_axis,
     is_far,
     is_idle,
     line_bound,
@@ -43,53 +45,63 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 BROAD_PHASE, RELATIVE_MOTION = int(Rung.BROAD_PHASE), int(Rung.RELATIVE_MOTION)
-DIRECTION, HULL = int(Rung.DIRECTION), int(Rung.HULL)
+DIRECTION = int(Rung.DIRECTION)
+
+RATIO_GUARD = 1.0 - 1e-15
+"""A ratio this much below the greatest one is not looked at: a product and a quotient are rounded differently."""
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True)
 def settle_pair(
-    i: int,
-    j: int,
-    image: Counts,
-    kind: int,
-    bounds: tuple[float, float, float],
-    is_boxed_off: bool,
-    motion: StepMotion,
-    edges: IntArray,
+    start: Corners,
+    end: Corners,
+    bounds: tuple[float, float, float, float],
+    least: float,
     placing: float,
-    first_reach: float,
-    best: Extremes,
-) -> bool:
-    """Settle one pair of edges by the cheapest rung up to 5 that does, and return whether one did.
+) -> tuple[float, float, float, float, float, int, float]:
+    """Settle one pair of edges by the cheapest rung up to 4 that does.
 
-    What the pair adds to the step's extremes is kept; of a pair that stays open all but its clearance. A pair that the
-    search may miss, as it is further apart than `first_reach` and has a small ratio, is never the greatest ratio.
+    Parameters
+    ----------
+    start, end : Corners
+        Ends of the two edges at both ends of the step.
+    bounds : tuple of 4 floats
+        A gap of the slabs across the line of centres, the greatest gap of any slabs, and the distances at both ends;
+        all of them lower bounds, proven.
+    least : float
+        The least clearance of the pair's class so far.
+    placing : float
+        Rounding of the positions, Å.
+
+    Returns
+    -------
+    near0, near1, low0, low1 : float
+        Distances at both ends: by closest points, and proven.
+    rho : float
+        Greatest relative motion of two corners.
+    rung : int
+        Which rung settles the pair.
+    clearance : float
+        The best that rungs 2, 3 and 5 prove; not positive where none of the rungs does. The hull is measured only where
+        the cheaper ones leave the pair at or below `least`. It is never below the slabs' gap but for rounding, whatever
+        the direction of these.
     """
-    gap, low0, low1 = bounds
-    start, end = corners_of(i, j, image, motion, edges)
+    gap, apart, low0, low1 = bounds
     _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
     _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
     low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
     low1 = max(dual_bound(n1, end[0], end[1], end[2], end[3]) - placing, low1)
     rho = relative_motion(start, end) + placing
-    near0, near1 = norm(n0), norm(n1)
-    keep_nu(edges, i, j, kind, near0, near1, low0, low1, best)
-    if kind == 0 or near0 + near1 <= 2.0 * first_reach or RATIO_REACH * rho >= low0 + low1:
-        keep_ratio(edges, i, j, rho, low0, low1, best)
-    rung, clearance = BROAD_PHASE, max(gap, 0.5 * (low0 + low1 - rho))
+    rung, clearance = BROAD_PHASE, max(max(gap, 0.5 * (low0 + low1 - rho)), apart)
     # tests are for what is proved, so that a NaN proves nothing
     if not gap > 0.0:
         rung = RELATIVE_MOTION
-        if not clearance > 0.0:
-            rung, clearance = DIRECTION, direction_clearance(n0, n1, start, end) - placing
-        if not clearance > 0.0:
-            rung, clearance = HULL, hull_clearance(start, end) - placing
-        if not clearance > 0.0:
-            return False
-    if rung != BROAD_PHASE and not is_boxed_off:
-        best.rung_pairs[rung] += 1
-    keep_clearance(edges, i, j, kind, clearance, best)
-    return True
+        if not 0.5 * (low0 + low1 - rho) > 0.0 and not apart > max(least, 0.0):
+            rung, enough = DIRECTION, max(least, 0.0) + placing
+            clearance = max(clearance, direction_clearance(n0, n1, start, end, enough) - placing)
+    if 0.0 < clearance <= least:
+        clearance = max(clearance, hull_clearance(start, end) - placing)
+    return norm(n0), norm(n1), low0, low1, rho, rung, clearance
 
 
 @njit(cache=True, nogil=True)
@@ -108,17 +120,22 @@ def climb_pairs(
     best: Extremes,
     is_open: BoolArray,
 ) -> float:
-    """Climb a list of pairs up to rung 5, and return the greatest drift of an image among them, Å.
+    """Climb a list of pairs up to rung 4, and return the greatest drift of an image among them, Å.
 
     Pairs that no rung settles are marked in `is_open`. Where the list is not the local one, pairs that are local are
     passed over: they have been climbed already. A pair is settled in full unless its cheap bounds show that it can
-    change none of the step's extremes.
+    change none of the step's extremes. What it adds to them is kept; of a pair that stays open all but its clearance. A
+    pair that the search may miss, as it is further apart than `first_reach` and has a small ratio, is never the
+    greatest ratio. (Arrays are named once, outside the loop: each time that one is taken out of a record, or handed to
+    a function, its references are counted, which costs more than settling a pair.)
     """
+    x0, x1 = motion.x0, motion.x1
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
     moves, image_move = spheres.motion, 0.0
     values, least, rung_pairs = best.values, best.least, best.rung_pairs
     greatest_drift, image, kind = 0.0, (0, 0, 0), 0
+    shift0, shift1 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
@@ -134,28 +151,41 @@ def climb_pairs(
             elif are_neighbours(i, j, following):
                 continue
             else:
-                image_move = 0.0
+                shift0, shift1, image_move = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
         f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
         nearest = max(least[kind], max(values[NU0], values[NU1]))
         moved = moves[i] + moves[j] + image_move + slack
         if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, nearest, values[RATIO], slack):
             continue
         gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
+        along = axis_gap(centre0, centre1, f0, g0, f1, g1)
+        boxed_off, apart = gap > 0.0 or along > 0.0, max(gap, along - slack)
         nu0, nu1, ratio = values[NU0], values[NU1], values[RATIO]
-        idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        idle = is_idle(apart, low0, low1, rho, least[kind], nu0, nu1, ratio)
         if not idle:
             rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
             low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
             low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
-            idle = is_idle(gap, low0, low1, rho, least[kind], nu0, nu1, ratio)
-        boxed_off = gap > 0.0 or is_apart_along_axis(centre0, centre1, f0, g0, f1, g1)
-        if not idle:
-            bounds = (gap, low0, low1)
-            is_open[k] = not settle_pair(
-                i, j, image, kind, bounds, boxed_off, motion, edges, placing, first_reach, best
-            )
-        elif not boxed_off:
-            rung_pairs[RELATIVE_MOTION] += 1
+            idle = is_idle(apart, low0, low1, rho, least[kind], nu0, nu1, ratio)
+        if idle:
+            rung_pairs[RELATIVE_MOTION] += not boxed_off
+            continue
+        start, end = corners_of(i, j, shift0, shift1, x0, x1, edges)
+        near0, near1, low0, low1, rho, rung, clearance = settle_pair(
+            start, end, (gap, apart, low0, low1), least[kind], placing
+        )
+        if changes_nu(near0, near1, low0, low1, values):
+            keep_nu(edges, i, j, kind, near0, near1, low0, low1, best)
+        counts = kind == 0 or near0 + near1 <= 2.0 * first_reach or RATIO_REACH * rho >= low0 + low1
+        if counts and not rho < values[RATIO] * (low0 + low1) * RATIO_GUARD:
+            keep_ratio(edges, i, j, rho, low0, low1, best)
+        if not clearance > 0.0:
+            is_open[k] = True
+            continue
+        if clearance <= least[kind]:
+            keep_clearance(edges, i, j, kind, clearance, best)
+        if rung != BROAD_PHASE and not boxed_off:
+            rung_pairs[rung] += 1
     return greatest_drift
 
 

@@ -192,10 +192,11 @@ def pair_clearance(
     bounds : tuple of 3 floats
         Proven already: of the distance at all times, and at both ends of the step.
     motion, edges, placing
-        As for `mdtopo.rungs.settle_pair`.
+        As for `mdtopo.rungs.climb_pairs`.
     """
     gap, low0, low1 = bounds
-    start, end = corners_of(i, j, image, motion, edges)
+    shift0, shift1 = lattice_vector(image, basis_of(motion.cell0)), lattice_vector(image, basis_of(motion.cell1))
+    start, end = corners_of(i, j, shift0, shift1, motion.x0, motion.x1, edges)
     _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
     _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
     low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
@@ -204,7 +205,7 @@ def pair_clearance(
     clearance = max(gap, 0.5 * (low0 + low1 - rho))
     # tests are for what is proved, so that a NaN proves nothing
     if not clearance > 0.0:
-        clearance = direction_clearance(n0, n1, start, end) - placing
+        clearance = direction_clearance(n0, n1, start, end, np.inf) - placing
     if not clearance > 0.0:
         clearance = hull_clearance(start, end) - placing
     if not clearance > 0.0:

@@ -1,8 +1,10 @@
 """Which edges of moving strands may come near each other? Boxes of a few edges in a row first, then boxes of edges.
 
 A box is tight about an edge where a sphere is not: among compact strands four times fewer pairs have boxes that meet.
-Neighbours along a strand are near in space, so a bundle of them is found in the cell grid once instead of edge by edge.
-There are no periodic images here; `mdtopo.geometry.broadphase` has them.
+Neighbours along a strand are near in space, so a bundle of them is found once instead of edge by edge. The box of a
+bundle is tried against many others in a row, without a branch, so that the compiler tries eight or sixteen of them at
+a time; indices are unsigned there, because of a signed one it would have to ask whether it counts from the end. There
+are no periodic images here; `mdtopo.geometry.broadphase` has them.
 """
 
 import numpy as np
@@ -15,9 +17,21 @@ from mdtopo.geometry.vectors import Vector
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
+SingleArray = NDArray[np.float32]
 
 BUNDLE = 4
-"""Edges in a bundle. Fewer cost more in the grid; more have looser boxes, and more pairs of edges to try in them."""
+"""Edges in a bundle. Fewer cost more to find; more have looser boxes, and more pairs of edges to try in them."""
+
+FEW_BUNDLES = 1000
+"""So many are tried against each other, all of them: a cell grid pays only beyond."""
+
+NARROWING = 2.0**-22
+"""What a box grows by, as a multiple of its coordinates, so that rounding to float32 (2^-24 of them) only widens it."""
+
+SHIFTING = 2.0**-50
+"""And as a multiple of the greatest coordinate: for the subtraction of the corner (2^-53 of it) that comes before."""
+
+ONE, THREE, EIGHT = np.uint64(1), np.uint64(3), np.uint64(8)
 
 
 @njit(cache=True, nogil=True)
@@ -66,7 +80,7 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
-    return edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))
+    return edge_pairs(meeting_boxes(bundles, FEW_BUNDLES), starts, bundles, boxes, last_neighbours(trace))
 
 
 @njit(cache=True, nogil=True)
@@ -119,11 +133,11 @@ def last_neighbours(trace: IntArray) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def meeting_boxes(boxes: FloatArray) -> IntArray:
-    """Return every pair of boxes that meet, lower index first, and each box with itself.
+def meeting_boxes(boxes: FloatArray, few: int) -> IntArray:
+    """Return every pair of boxes that meet, lower index first, and each box with itself; in float32, a few more.
 
-    Each box lies in the cell of its centre. Boxes of ordinary size that meet lie in the same cell or in adjacent ones;
-    larger ones look as far as they can reach.
+    Up to `few` boxes lie in one cell, beyond that each one in the cell of its centre. Boxes of ordinary size that meet
+    lie in the same cell or in adjacent ones; larger ones look as far as they can reach.
     """
     n = len(boxes)
     places = np.empty((n, 4))  # centre, and half the longest side
@@ -133,14 +147,32 @@ def meeting_boxes(boxes: FloatArray) -> IntArray:
             places[k, axis] = 0.5 * (boxes[k, axis] + boxes[k, axis + 3])
             size = max(size, 0.5 * (boxes[k, axis + 3] - boxes[k, axis]))
         places[k, 3] = size * GRID_GUARD
-    order, starts, shape, low, width = sorted_into_cells(places)
-    boxes, places = boxes[order], places[order]
-    found = np.empty((6 * n + 64, 2), dtype=np.int64)
-    for k in range(n):
-        found[k, 0] = found[k, 1] = k
-    found, count = _scan_ordinary(order, starts, shape, width, boxes, places, found, n)
-    found, count = _scan_large(order, starts, shape, low, width, boxes, places, found, count)
+    if n <= few:
+        order, starts, shape, low, width = np.arange(n), np.array([0, n]), (1, 1, 1), (0.0, 0.0, 0.0), np.inf
+    else:
+        order, starts, shape, low, width = sorted_into_cells(places)
+        places = places[order]
+    narrow, order = narrowed(boxes, order), np.append(order, np.zeros(8, dtype=np.int64))
+    found, count = _scan_ordinary(order, starts, shape, width, narrow, places)
+    found, count = _scan_large(order, starts, shape, low, width, narrow, places, found, count)
     return found[:count]
+
+
+@njit(cache=True, nogil=True)
+def narrowed(boxes: FloatArray, order: IntArray) -> SingleArray:
+    """Return boxes in float32, in the given order, seen from their least corner, shape (6, n); none is smaller."""
+    greatest, low = 0.0, (np.inf, np.inf, np.inf)
+    for k in range(len(boxes)):
+        low = (min(low[0], boxes[k, 0]), min(low[1], boxes[k, 1]), min(low[2], boxes[k, 2]))
+        for axis in range(6):
+            greatest = max(greatest, abs(boxes[k, axis]))
+    found, rounding = np.empty((6, len(order)), dtype=np.float32), SHIFTING * greatest
+    for p in range(len(order)):
+        for axis in range(3):
+            a, b = boxes[order[p], axis] - low[axis], boxes[order[p], axis + 3] - low[axis]
+            found[axis, p] = np.float32(a - NARROWING * abs(a) - rounding)
+            found[axis + 3, p] = np.float32(b + NARROWING * abs(b) + rounding)
+    return found
 
 
 @njit(cache=True, nogil=True)
@@ -149,51 +181,53 @@ def _scan_ordinary(
     starts: IntArray,
     shape: Counts,
     width: float,
-    boxes: FloatArray,
+    narrow: SingleArray,
     places: FloatArray,
-    found: IntArray,
-    count: int,
-) -> tuple[IntArray, int]:
-    """Add the pairs of ordinary boxes: a cell meets the rest of its own row, and the rows beside it that come later.
+) -> tuple[IntArray, np.int64]:
+    """Return the pairs of ordinary boxes, and each box with itself.
 
-    Here a large box is turned inside out, with which it meets nobody.
+    A cell meets the rest of its own row, and the rows beside it that come later. Here a large box is turned inside
+    out, with which it meets nobody. `order` goes on for eight boxes more, as flags are looked at in eights.
     """
+    n = len(places)
     nx, ny, nz = shape
-    boxes = boxes.copy()
-    for p in range(len(boxes)):
-        if 2.0 * places[p, 3] > width:
-            boxes[p, :3], boxes[p, 3:] = np.inf, -np.inf
+    b, eights = narrow.copy(), np.zeros(n // 8 + 2, dtype=np.uint64)
+    flags = eights.view(np.uint8)
+    found, count = np.empty((6 * n + 64, 2), dtype=np.int64), np.uint64(n)
+    for k in range(n):
+        found[k, 0] = found[k, 1] = k
+        if 2.0 * places[k, 3] > width:
+            b[:3, k], b[3:, k] = np.inf, -np.inf
     for cell in range(nx * ny * nz):
-        begin, end = starts[cell], starts[cell + 1]
+        begin, end = np.uint64(starts[cell]), np.uint64(starts[cell + 1])
         if begin == end:
             continue
-        a, b, c = cell % nx, (cell // nx) % ny, cell // (nx * ny)
-        left, right = max(a - SLICES, 0), min(a + SLICES + 1, nx)
-        for other_c in range(c, min(c + 2, nz)):
-            for other_b in range(b if other_c == c else max(b - 1, 0), min(b + 2, ny)):
-                first_cell = (other_c * ny + other_b) * nx
-                own_row = other_b == b and other_c == c
-                lower, upper = starts[first_cell + left], starts[first_cell + right]
-                if count + (end - begin) * (upper - lower) > len(found):
-                    found = grown_rows(found, 2 * len(found) + (end - begin) * (upper - lower))
+        along, across, above = cell % nx, (cell // nx) % ny, cell // (nx * ny)
+        left, right = max(along - SLICES, 0), min(along + SLICES + 1, nx)
+        for layer in range(above, min(above + 2, nz)):
+            for line in range(across if layer == above else max(across - 1, 0), min(across + 2, ny)):
+                first_cell = (layer * ny + line) * nx
+                own_row = line == across and layer == above
+                lower, upper = np.uint64(starts[first_cell + left]), np.uint64(starts[first_cell + right])
                 for p in range(begin, end):
-                    count = _append_meeting(p, p + 1 if own_row else lower, upper, order, boxes, found, count)
-    return found, count
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _append_meeting(
-    p: int, lower: int, upper: int, order: IntArray, boxes: FloatArray, found: IntArray, count: int
-) -> int:
-    """Append the pairs of box p with those of a range that it meets, and return the new count; without a branch."""
-    i, x, y, z = order[p], boxes[p, 0], boxes[p, 1], boxes[p, 2]
-    u, v, w = boxes[p, 3], boxes[p, 4], boxes[p, 5]
-    for q in range(lower, upper):
-        j = order[q]
-        found[count, 0], found[count, 1] = min(i, j), max(i, j)
-        below = (boxes[q, 0] <= u) & (boxes[q, 1] <= v) & (boxes[q, 2] <= w)
-        count += below & (boxes[q, 3] >= x) & (boxes[q, 4] >= y) & (boxes[q, 5] >= z)
-    return count
+                    first, i = p + ONE if own_row else lower, order[p]
+                    size = upper - first
+                    x, y, z, u, v, w = b[0, p], b[1, p], b[2, p], b[3, p], b[4, p], b[5, p]
+                    for k in range(size):
+                        q = first + k
+                        below = (b[0, q] <= u) & (b[1, q] <= v) & (b[2, q] <= w)
+                        flags[k] = below & (b[3, q] >= x) & (b[4, q] >= y) & (b[5, q] >= z)
+                    for k in range(size, size + EIGHT):
+                        flags[k] = 0
+                    if count + size + EIGHT > np.uint64(len(found)):
+                        found = grown_rows(found, 2 * len(found) + n)
+                    for h in range((size + EIGHT - ONE) >> THREE):
+                        if eights[h] != 0:
+                            for k in range(EIGHT * h, EIGHT * h + EIGHT):
+                                j = order[first + k]
+                                found[count, 0], found[count, 1] = min(i, j), max(i, j)
+                                count += np.uint64(flags[k])
+    return found, np.int64(count)
 
 
 @njit(cache=True, nogil=True)
@@ -203,30 +237,32 @@ def _scan_large(
     shape: Counts,
     low: Vector,
     width: float,
-    boxes: FloatArray,
+    narrow: SingleArray,
     places: FloatArray,
     found: IntArray,
-    count: int,
-) -> tuple[IntArray, int]:
+    count: np.int64,
+) -> tuple[IntArray, np.int64]:
     """Add the pairs of which one box is large: each looks as far as it can reach, and of two the later one looks."""
     nx, ny, nz = shape
     largest = places[:, 3].max()
-    for p in range(len(boxes)):
+    for p in range(len(places)):
         if not 2.0 * places[p, 3] > width:
             continue
-        far = (places[p, 3] + largest) * GRID_GUARD
+        far, b = (places[p, 3] + largest) * GRID_GUARD, narrow[:, p]
         left, right = cells_between(places[p, 0] - low[0], far, width / SLICES, nx)
-        first_b, last_b = cells_between(places[p, 1] - low[1], far, width, ny)
-        first_c, last_c = cells_between(places[p, 2] - low[2], far, width, nz)
-        for c in range(first_c, last_c + 1):
-            for b in range(first_b, last_b + 1):
-                first_cell = (c * ny + b) * nx
+        first_line, last_line = cells_between(places[p, 1] - low[1], far, width, ny)
+        first_layer, last_layer = cells_between(places[p, 2] - low[2], far, width, nz)
+        for layer in range(first_layer, last_layer + 1):
+            for line in range(first_line, last_line + 1):
+                first_cell = (layer * ny + line) * nx
                 lower, upper = starts[first_cell + left], starts[first_cell + right + 1]
                 if count + upper - lower > len(found):
                     found = grown_rows(found, 2 * len(found) + upper - lower)
                 for q in range(lower, upper):
                     if q < p or not 2.0 * places[q, 3] > width:
-                        count = _append_meeting(p, q, q + 1, order, boxes, found, count)
+                        found[count, 0], found[count, 1] = min(order[p], order[q]), max(order[p], order[q])
+                        below = (narrow[0, q] <= b[3]) & (narrow[1, q] <= b[4]) & (narrow[2, q] <= b[5])
+                        count += below & (narrow[3, q] >= b[0]) & (narrow[4, q] >= b[1]) & (narrow[5, q] >= b[2])
     return found, count
 
 

@@ -84,16 +84,21 @@ def relative_motion(start: Corners, end: Corners) -> float:
 
 
 @njit(cache=True, nogil=True)
-def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners) -> float:
-    """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4)."""
+def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners, enough: float) -> float:
+    """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4).
+
+    Above `enough` it need not be the best.
+    """
     best = -np.inf
     size0, size1 = norm(n0), norm(n1)
     middle = add(scale(1.0 / size0, n0), scale(1.0 / size1, n1)) if size0 > 0.0 and size1 > 0.0 else n0
     for k in range(3):
-        w = n0 if k == 0 else (n1 if k == 1 else middle)
+        w = middle if k == 0 else (n0 if k == 1 else n1)
         low0 = dual_bound(w, start[0], start[1], start[2], start[3])
         low1 = dual_bound(w, end[0], end[1], end[2], end[3])
         best = max(best, min(low0, low1))
+        if best > enough:
+            break
     return best
 
 
@@ -190,15 +195,18 @@ def is_idle(
 
 
 @njit(cache=True, nogil=True)
-def is_apart_along_axis(
+def axis_gap(
     centre0: Vector, centre1: Vector, first0: Vector, second0: Vector, first1: Vector, second1: Vector
-) -> bool:
-    """Return whether the slabs of a pair across one of the axes are apart at both ends; for parameters see `is_far`.
+) -> float:
+    """Return how far the slabs of a pair across one of the axes are apart at both ends, at best, Å; see `is_far`.
 
-    It is so of every pair whose boxes do not meet, in rounding too where those are padded.
+    Negative or 0 where they meet across all three. It is positive for every pair whose boxes do not meet, in rounding
+    too where those are padded: so such a pair stays apart by as much at all times, up to the rounding of a coordinate.
     """
+    best = -np.inf
     for k in range(3):
         reach0, reach1 = abs(first0[k]) + abs(second0[k]), abs(first1[k]) + abs(second1[k])
-        if (centre0[k] > reach0 and centre1[k] > reach1) or (-centre0[k] > reach0 and -centre1[k] > reach1):
-            return True
-    return False
+        above = min(centre0[k] - reach0, centre1[k] - reach1)
+        below = min(-centre0[k] - reach0, -centre1[k] - reach1)
+        best = max(best, max(above, below))
+    return best

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.pairs import Corners
@@ -42,6 +43,7 @@ UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
 
 Cubic = tuple[float, float, float, float]
+FloatArray = NDArray[np.float64]
 
 
 class MovingPair(NamedTuple):
@@ -228,6 +230,14 @@ def passages(start: Corners, end: Corners, placing: float) -> tuple[int, int, tu
     ---------
     Proven, whatever the positions are within `placing`.
     """
+    return passages_within(start, end, placing, np.empty(MOST_PIECES), np.empty(MOST_PIECES))
+
+
+@njit(cache=True, nogil=True)
+def passages_within(
+    start: Corners, end: Corners, placing: float, lows: FloatArray, highs: FloatArray
+) -> tuple[int, int, tuple[Vector, Vector, Vector], int]:
+    """Return what `passages` returns, with room for `MOST_PIECES` pieces of [0, 1] lent by who asks many times."""
     pair = moving_pair(start, end, placing)
     b, error = coplanarity(pair)
     greatest = max(max(abs(b[0]), abs(b[1])), max(abs(b[2]), abs(b[3])))
@@ -236,7 +246,7 @@ def passages(start: Corners, end: Corners, placing: float) -> tuple[int, int, tu
     found, count, signs = (none, none, none), 0, 0
     if not greatest < np.inf:
         return UNSURE, 0, found, 0
-    lows, highs, depth = np.empty(MOST_PIECES), np.empty(MOST_PIECES), 1
+    depth = 1
     lows[0], highs[0] = 0.0, 1.0
     for _ in range(MOST_PIECES):
         if depth == 0:

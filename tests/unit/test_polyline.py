@@ -289,7 +289,10 @@ def slow_clearances(s: System) -> dict[str, float]:
     least: dict[str, float] = {}
     for start, end, _, _, kind in pairs_of(s):
         d0, d1, rho = distances_and_motion(start, end)
-        least[kind] = min(least.get(kind, np.inf), max(slab_gap(start, end), (d0 + d1 - rho) / 2))
+        proven = max(slab_gap(start, end), (d0 + d1 - rho) / 2)
+        if proven < least.get(kind, np.inf):
+            both = [(x[0, :, np.newaxis] - x[1]).reshape(4, 3) for x in (start, end)]
+            least[kind] = min(least.get(kind, np.inf), max(proven, oracles.hull_distance(np.concatenate(both))))
     return least
 
 
