@@ -59,6 +59,61 @@ def random_chain(n_edges: int, seed: int = 0) -> NDArray[np.float64]:
     return np.array(chain)
 
 
+def self_avoiding_chain(n_edges: int, seed: int = 0) -> NDArray[np.float64]:
+    """Return a random walk that visits each site of a cubic lattice once, its sites BOND apart, shape (n + 1, 3), Å.
+
+    As dense as a chain can be on a lattice: the sites of each cube of eight are joined to a ring, one of the six there
+    are, and rings of cubes that lie side by side are joined along a random tree, by two bonds in place of two parallel
+    ones. The walk follows the one ring that results.
+    """
+    rng = np.random.default_rng(seed)
+    m = int(np.ceil(((n_edges + 1) / 8.0) ** (1.0 / 3.0) - 1e-9))
+    weights = np.array([4 * m * m, 2 * m, 1])
+    corners = 2 * np.stack(np.meshgrid(*[np.arange(m)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    rings = np.array(list(_cube_rings()))
+    sites = (corners[:, np.newaxis] + rings[rng.integers(len(rings), size=m**3)]) @ weights
+    beside = np.empty((8 * m**3, 2), dtype=np.int64)
+    beside[sites, 0], beside[sites, 1] = np.roll(sites, 1, axis=1), np.roll(sites, -1, axis=1)
+    tree = list(range(m**3))
+
+    def root(cube: int) -> int:
+        while tree[cube] != cube:
+            tree[cube] = cube = tree[tree[cube]]
+        return cube
+
+    for cube, axis in rng.permutation([(cube, axis) for cube in range(m**3) for axis in range(3)]):
+        other = cube + (m * m, m, 1)[axis]
+        if corners[cube, axis] == 2 * m - 2 or root(cube) == root(other):
+            continue
+        here, step = (corners[cube] @ weights) + weights[axis], weights[axis]
+        across = [w for k, w in enumerate(weights) if k != axis]
+        bonds = [(here + far, here + far + along) for along, side in (across, across[::-1]) for far in (0, side)]
+        for p, q in rng.permutation(bonds):
+            if q in beside[p] and q + step in beside[p + step]:
+                for a, b in ((p, q), (q, p)):
+                    beside[a, list(beside[a]).index(b)] = a + step
+                    beside[a + step, list(beside[a + step]).index(b + step)] = a
+                tree[root(cube)] = root(other)
+                break
+    before, here, path = -1, 0, []
+    while len(path) <= n_edges:
+        path.append(here)
+        before, here = here, int(beside[here, 0] if beside[here, 0] != before else beside[here, 1])
+    return BOND * np.stack(np.unravel_index(path, (2 * m, 2 * m, 2 * m)), axis=1).astype(np.float64)
+
+
+def _cube_rings() -> Iterator[list[tuple[int, int, int]]]:
+    """Yield the ways around the corners of a cube that visit each once, from the first corner."""
+    paths = [[(0, 0, 0)]]
+    while paths:
+        path = paths.pop()
+        x, y, z = path[-1]
+        nexts = [(1 - x, y, z), (x, 1 - y, z), (x, y, 1 - z)]
+        if len(path) == 8 and path[0] in nexts:
+            yield path
+        paths += [[*path, corner] for corner in nexts if corner not in path]
+
+
 def displaced(chain: NDArray[np.float64], share: float, seed: int = 1) -> NDArray[np.float64]:
     """Return the chain with every vertex moved by that share of an edge, in a random direction."""
     away = np.random.default_rng(seed).normal(size=chain.shape)

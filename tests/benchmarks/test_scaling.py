@@ -1,9 +1,10 @@
 """What one step costs per edge, as the system grows, and what it costs elsewhere. Run with ``pytest -m benchmark -s``.
 
 Compact chains of 2,000 to 200,000 edges, every vertex displaced by 0.13 edge lengths, on one core: a random walk in a
-cube, which passes through itself, and a folded sheet, which does not. Beside a whole `polyline_step`: `ipctk` (build of
-its candidates, and collision-free step size); the test of one frame for self-intersection, which the paper proposes as
-the comparison; and the paper's own shortcut, ν and the greatest displacement alone.
+cube, which passes through itself, a random walk on a lattice that visits each site once, and a folded sheet. Beside a
+whole `polyline_step`: `ipctk` (build of its candidates, and collision-free step size); the test of one frame for
+self-intersection, which the paper proposes as the comparison; and the paper's own shortcut, ν and the greatest
+displacement alone.
 """
 
 import os
@@ -42,6 +43,14 @@ def walk(n_edges: int) -> Points:
 
 def sheets(n_edges: int) -> Points:
     return systems.compact_chain(n_edges + 1) + np.random.default_rng(0).normal(scale=0.3, size=(n_edges + 1, 3))
+
+
+def lattice(n_edges: int) -> Points:
+    chain = systems.self_avoiding_chain(n_edges)
+    return chain + np.random.default_rng(0).normal(scale=0.1, size=chain.shape)
+
+
+CHAINS = pytest.mark.parametrize("chain", [walk, lattice, sheets], ids=["random walk", "lattice walk", "folded sheet"])
 
 
 @pytest.fixture(autouse=True)
@@ -117,7 +126,7 @@ def ipc_job(ipctk: Any, x0: Points, x1: Points) -> Callable[[], float]:
     return job
 
 
-@pytest.mark.parametrize("chain", [walk, sheets], ids=["random walk", "folded sheet"])
+@CHAINS
 def test_a_step_costs_the_same_per_edge_whatever_the_size(chain: Callable[[int], Points]) -> None:
     ipctk = pytest.importorskip("ipctk")
     step: dict[int, float] = {}
@@ -170,7 +179,7 @@ print(max(peak) - before)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
-@pytest.mark.parametrize("chain", [walk, sheets], ids=["random walk", "folded sheet"])
+@CHAINS
 def test_a_step_needs_less_than_a_kilobyte_per_edge(chain: Callable[[int], Points], tmp_path: Path) -> None:
     n, path = SIZES[-1], tmp_path / "positions.npy"
     x0 = chain(n)

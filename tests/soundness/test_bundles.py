@@ -20,9 +20,9 @@ from mdtopo.contacts import decide_open
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
 from mdtopo.geometry.broadphase import sorted_into_cells
-from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, near_edges
+from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, meeting_boxes
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
-from mdtopo.reach import RATIO_REACH, search_pads
+from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
 from mdtopo.rungs import climb_pairs, meet_end_terms
 from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, Spheres, greatest_coordinate, mean_edge_length, spheres_of
@@ -32,10 +32,14 @@ Flags = NDArray[np.bool_]
 NO_IMAGES = np.empty((0, 3), dtype=np.int64)
 
 
+Cells = tuple[Points, Points]
+
+
 class Step(NamedTuple):
     x0: Points
     x1: Points
     strands: Strands
+    cells: Cells | None = None
 
 
 def melt(rng: Generator, lengths: list[int], *, long: float = 0.0, room: float = 1.2) -> tuple[Points, Strands]:
@@ -115,6 +119,23 @@ def rods(rng: Generator) -> Step:
     return Step(x, x + 0.02 * rng.normal(size=x.shape), Strands.from_lengths([5] * 120))
 
 
+def wide_cell(rng: Generator) -> Step:
+    """Strands in the middle of a cell that is too wide for images to meet, and that breathes a little."""
+    x, strands = melt(rng, [200, 150, 90, 160])
+    edge = 4.5 * float(np.abs(x).max())
+    cells = edge * np.eye(3), 1.01 * edge * np.eye(3)
+    return Step(x, x + 0.05 * rng.normal(size=x.shape), strands, cells)
+
+
+def skewed_cell(rng: Generator) -> Step:
+    """The same in a skewed cell, a thousand ångström from the origin; one vertex in a hundred moves far."""
+    x, strands = melt(rng, [180, 170, 50])
+    cell = 6.0 * float(np.abs(x).max()) * (np.eye(3) + rng.uniform(-0.2, 0.2, size=(3, 3)))
+    move = 0.03 * rng.normal(size=x.shape)
+    move[rng.integers(len(x), size=len(x) // 100)] *= 60.0
+    return Step(x + 1000.0, x + 1000.0 + move, strands, (cell, cell))
+
+
 STEPS: dict[str, Callable[[Generator], Step]] = {
     "compact": compact,
     "large": large,
@@ -126,6 +147,8 @@ STEPS: dict[str, Callable[[Generator], Step]] = {
     "single precision": single_precision,
     "sparse": sparse,
     "rods": rods,
+    "wide cell": wide_cell,
+    "skewed cell": skewed_cell,
 }
 
 
@@ -138,6 +161,7 @@ def climbed(
     trace: Whole,
     spheres: Spheres,
     slack: float,
+    placing: float,
     first_reach: float,
 ) -> tuple[Points, Flags, Whole]:
     """Return ν0, ν1, ratio and clearance by each pair alone, so that none is passed over for what another one said.
@@ -158,7 +182,7 @@ def climbed(
             trace,
             spheres,
             slack,
-            0.0,
+            placing,
             first_reach,
             best,
             is_open[k : k + 1],
@@ -175,44 +199,50 @@ class Brute:
     def __init__(self, name: str, step: Step) -> None:
         self.name = name
         self.t = t = Traces.of(step.strands)
-        cell = np.zeros((3, 3))
-        self.motion = StepMotion(step.x0, step.x1, cell, cell, False, (0.0, 0.0, 0.0), True, 0.0)
+        self.cells, self.periodic = step.cells, step.cells is not None
+        cell0, cell1 = step.cells or (np.zeros((3, 3)), np.zeros((3, 3)))
+        placed = float(np.abs(step.x0).max() + np.abs(cell0).sum()) if self.periodic else 0.0
+        self.motion = StepMotion(step.x0, step.x1, cell0, cell1, False, (0.0, 0.0, 0.0), True, placed)
         self.spheres = spheres_of(self.motion, t.edges)
-        self.slack = PLACING_ERROR * greatest_coordinate(self.motion) + LEAST_SLACK
+        self.slack = PLACING_ERROR * (greatest_coordinate(self.motion) + placed) + LEAST_SLACK
+        self.placing = self.slack if self.periodic else 0.0
         self.local = self._local()
         self.first_reach = min(FIRST_REACH * self.local.values[NU0], mean_edge_length(self.spheres))
         i, j = np.triu_indices(len(t.edges), 1)
         far = (t.trace[i] != t.trace[j]) | (j - i > 2)
         self.pairs = np.stack([i[far], j[far]], axis=1)
-        self.table, is_open, self.rungs = climbed(
-            self.pairs, self.motion, t.edges, t.following, t.trace, self.spheres, self.slack, self.first_reach
-        )
+        numbers = self.spheres, self.slack, self.placing, self.first_reach
+        self.table, is_open, self.rungs = climbed(self.pairs, self.motion, t.edges, t.following, t.trace, *numbers)
         for k in np.flatnonzero(is_open):
             best = fresh_extremes()
             one = self.pairs[k : k + 1], NO_IMAGES, is_open[k : k + 1]
-            decide_open(*one, False, self.motion, t.edges, t.trace, 0.0, best)
+            decide_open(*one, False, self.motion, t.edges, t.trace, self.placing, best)
             self.table[k, 3] = min(best.least[1:])
             self.rungs += best.rung_pairs
         self.inter = t.trace[self.pairs[:, 0]] != t.trace[self.pairs[:, 1]]
 
     def _local(self) -> Extremes:
         t, best, is_open = self.t, fresh_extremes(), np.zeros(len(self.t.local_pairs), dtype=np.bool_)
-        numbers = self.spheres, self.slack, 0.0, 0.0
+        numbers = self.spheres, self.slack, self.placing, 0.0
         ends = t.edges, t.following, t.trace
         climb_pairs(t.local_pairs, NO_IMAGES, True, self.motion, *ends, *numbers, best, is_open)
-        decide_open(t.local_pairs, NO_IMAGES, is_open, True, self.motion, t.edges, t.trace, 0.0, best)
-        meet_end_terms(self.motion, t.end_terms, 0.0, best)
+        decide_open(t.local_pairs, NO_IMAGES, is_open, True, self.motion, t.edges, t.trace, self.placing, best)
+        meet_end_terms(self.motion, t.end_terms, self.placing, best)
         return best
 
     def measure(self, likely_reach: float) -> StepMeasure:
         t = self.t
         ends = t.edges, t.following, t.trace, t.local_pairs, t.end_terms
-        return measure_step(self.motion, False, *ends, likely_reach)
+        return measure_step(self.motion, self.periodic, *ends, likely_reach)
 
     def listed(self, reach: float) -> Flags:
         """Return which of all pairs the search lists that looks `reach` far."""
         pads = search_pads(self.spheres, reach, self.local.values[RATIO], self.slack)
-        found = near_edges(self.motion.x0, self.motion.x1, self.t.edges, self.t.trace, pads)
+        found, images, complete = pairs_in_reach(
+            self.motion, self.periodic, self.t.edges, self.t.trace, self.spheres, pads
+        )
+        assert complete
+        assert not len(images), "images can meet"
         code = found[:, 0] * len(pads) + found[:, 1]
         assert len(np.unique(code)) == len(code), "a pair is listed twice"
         assert np.isin(code, self.pairs[:, 0] * len(pads) + self.pairs[:, 1]).all(), "neighbours are listed"
@@ -285,12 +315,14 @@ def test_the_numbers_of_a_step_are_those_of_every_pair(brute: Brute, likely_reac
 def test_the_crossings_of_a_step_are_those_of_exact_arithmetic(brute: Brute) -> None:
     motion = brute.motion
     strands = Strands.from_lengths(np.diff(brute.t.offsets).tolist(), closed=brute.t.closed.tolist())
-    table, rows = measured(motion.x0[np.newaxis], motion.x1[np.newaxis], strands)
+    cells = None if brute.cells is None else (brute.cells[0][np.newaxis], brute.cells[1][np.newaxis])
+    table, rows = measured(motion.x0[np.newaxis], motion.x1[np.newaxis], strands, cells)
     report = table.report(rows[0])
     exact = brute.exact()
     print(f"\n{brute.name}: {len(brute.pairs)} pairs, {report.verdict.name}, {len(exact.events)} crossings")  # noqa: T201
     assert complaint(report, exact) == ""
     assert report.nu == brute.measure(0.0).nu
+    assert report.image_jumps == 0
 
 
 def test_the_search_has_many_bundles_and_cells(brute: Brute) -> None:
@@ -301,6 +333,9 @@ def test_the_search_has_many_bundles_and_cells(brute: Brute) -> None:
     places = np.column_stack([boxes[:, :3] + half, half.max(axis=1)])
     _, _, shape, _, width = sorted_into_cells(places)
     assert len(boxes) >= 75
+    in_cells, all_tried = ({(int(i), int(j)) for i, j in meeting_boxes(boxes, few)} for few in (0, len(boxes)))
+    assert in_cells == all_tried
+    assert len(in_cells) < 0.5 * len(boxes) ** 2
     assert np.prod(shape) >= 27
     if brute.name in ("long beside short", "four decades", "far moved", "sparse"):
         assert (2.0 * places[:, 3] > width).any()

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mdtopo import Strands
-from mdtopo.geometry.bundles import BUNDLE, bundle_starts, near_edges
+from mdtopo.geometry.bundles import BUNDLE, bundle_starts, meeting_boxes, near_edges
 from mdtopo.records import Traces
 
 Points = NDArray[np.float64]
@@ -46,6 +46,23 @@ def test_every_pair_whose_boxes_meet_is_listed_once(lengths: Sequence[int], pad:
         expected = all_near(x0, x1, t, pads)
         assert found_near(x0, x1, t, pads) == expected
     assert expected or sum(lengths) < 20
+
+
+@pytest.mark.parametrize("few", [0, 10_000])
+@pytest.mark.parametrize(("shift", "scale"), [(0.0, 1.0), (1e9, 3.0), (-1e12, 50.0), (1e3, 1e-7)])
+def test_boxes_are_found_in_single_precision_wherever_they_are(few: int, shift: float, scale: float) -> None:
+    """Each pair of boxes that meet is listed once, those that touch too; far from the origin perhaps a few more."""
+    rng = np.random.default_rng(int(scale))
+    low = scale * rng.integers(0, 30, size=(150, 3)) + shift
+    boxes = np.concatenate([low, low + scale * rng.integers(1, 5, size=(150, 3))], axis=1)
+    found = meeting_boxes(boxes, few)
+    listed = {(int(i), int(j)) for i, j in found}
+    one, other = boxes[:, np.newaxis], boxes[np.newaxis]
+    meet = ((one[..., :3] <= other[..., 3:]) & (other[..., :3] <= one[..., 3:])).all(axis=2)
+    assert len(listed) == len(found)
+    assert listed >= {(int(i), int(j)) for i, j in np.argwhere(meet) if i <= j}
+    if shift == 0.0:  # whole numbers below 2^22 that do not touch are told apart
+        assert len(listed) == np.triu(meet).sum()
 
 
 @pytest.mark.parametrize(("gap", "meet"), [(0.99, True), (1.01, False)])
