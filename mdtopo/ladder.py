@@ -177,7 +177,10 @@ def measure_step(
             break
         reach = min(min(wanted, 2.0 * reach + 0.1 * edge_length), widest)
     needed = min(wanted, reach)
-    return conclude(best, displacement, vertex, drift, placing, reach, needed, countable, has_self, has_inter, found)
+    cap = first_reach if periodic else np.inf
+    return conclude(
+        best, displacement, vertex, drift, cap, placing, reach, needed, countable, has_self, has_inter, found
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -186,6 +189,7 @@ def conclude(
     displacement: float,
     vertex: int,
     drift: float,
+    cap: float,
     placing: float,
     reach: float,
     needed: float,
@@ -194,13 +198,16 @@ def conclude(
     has_inter: bool,
     found: Found,
 ) -> StepMeasure:
-    """Return the step's measure: the ball rungs, the rung of the step, and clearances capped at what was searched."""
+    """Return the step's measure: the ball rungs, the rung of the step, and clearances capped at what was searched.
+
+    What the balls prove holds of images up to `cap`: those beyond it may drift more than `drift`, and stay beyond it.
+    """
     counts = best.rung_pairs.copy()
     clearances, witness = best.least.copy(), best.witness.copy()
     moved = displacement * (1.0 + 8.0 * UNIT_ROUNDOFF) + placing
     drift *= 1.0 + 8.0 * UNIT_ROUNDOFF
-    ball = best.values[NU0_PROVEN] - 2.0 * moved - drift
-    two_frame_ball = 0.5 * (best.values[NU0_PROVEN] + best.values[NU1_PROVEN] - 2.0 * moved - drift)
+    ball = min(best.values[NU0_PROVEN] - 2.0 * moved - drift, cap)
+    two_frame_ball = min(0.5 * (best.values[NU0_PROVEN] + best.values[NU1_PROVEN] - 2.0 * moved - drift), cap)
     rung = BROAD_PHASE
     for k in range(BROAD_PHASE, N_RUNGS):
         if counts[k] > 0:

@@ -38,7 +38,7 @@ from mdtopo.geometry.pairs import (
 from mdtopo.geometry.vectors import add, norm, row, subtract
 from mdtopo.reach import RATIO_REACH
 from mdtopo.records import Rung
-from mdtopo.spheres import Spheres
+from mdtopo.spheres import HALF, MID0, MID1, MOTION, SPAN0, SPAN1, Spheres, part_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -122,6 +122,7 @@ def climb_pairs(
 ) -> float:
     """Climb a list of pairs up to rung 4, and return the greatest drift of an image among them, Å.
 
+    Images are left out whose slabs keep them further away than `first_reach`: some are listed by chance only.
     Pairs that no rung settles are marked in `is_open`. Where the list is not the local one, pairs that are local are
     passed over: they have been climbed already. A pair is settled in full unless its cheap bounds show that it can
     change none of the step's extremes. What it adds to them is kept; of a pair that stays open all but its clearance. A
@@ -131,14 +132,14 @@ def climb_pairs(
     """
     x0, x1 = motion.x0, motion.x1
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
-    moves, image_move = spheres.motion, 0.0
+    rows, image_move = spheres.rows, 0.0
     values, least, rung_pairs = best.values, best.least, best.rung_pairs
     greatest_drift, image, kind = 0.0, (0, 0, 0), 0
     shift0, shift1 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
-        centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
+        centre0 = subtract(part_of(rows, j, MID0), part_of(rows, i, MID0))
+        centre1 = subtract(part_of(rows, j, MID1), part_of(rows, i, MID1))
         if not local:
             if len(images) > 0:
                 image = (images[k, 0], images[k, 1], images[k, 2])
@@ -147,23 +148,28 @@ def climb_pairs(
                 shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
                 centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
                 image_move = norm(subtract(shift1, shift0))
-                greatest_drift = max(greatest_drift, image_move)
             elif are_neighbours(i, j, following):
                 continue
             else:
                 shift0, shift1, image_move = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0
-        f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
+        f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
+        halves = rows[i, HALF] + rows[j, HALF]
+        if image_move > greatest_drift:
+            gap, _, _, _ = cheap_bounds(centre0, centre1, f0, g0, f1, g1, halves, slack)
+            if not gap > first_reach:
+                greatest_drift = image_move
         nearest = max(least[kind], max(values[NU0], values[NU1]))
-        moved = moves[i] + moves[j] + image_move + slack
-        if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, nearest, values[RATIO], slack):
+        moved = rows[i, MOTION] + rows[j, MOTION] + image_move + slack
+        if is_far(centre0, centre1, f0, g0, f1, g1, halves, moved, nearest, values[RATIO], slack):
             continue
-        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
+        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, halves, slack)
         along = axis_gap(centre0, centre1, f0, g0, f1, g1)
         boxed_off, apart = gap > 0.0 or along > 0.0, max(gap, along - slack)
         nu0, nu1, ratio = values[NU0], values[NU1], values[RATIO]
         idle = is_idle(apart, low0, low1, rho, least[kind], nu0, nu1, ratio)
         if not idle:
-            rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
+            rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + halves)
             low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
             low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
             idle = is_idle(apart, low0, low1, rho, least[kind], nu0, nu1, ratio)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
-from mdtopo.geometry.vectors import add, dot, norm, row, scale, subtract
+from mdtopo.geometry.vectors import Vector, add, dot, row, scale, subtract
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -23,32 +23,57 @@ LEAST_SLACK = 1e-140
 
 
 class Spheres(NamedTuple):
-    """The edges of a step as moving spheres: midpoints and half edges at both ends, greatest half length and motion."""
+    """The edges of a step as moving spheres.
+
+    Attributes
+    ----------
+    mid0, mid1 : ndarray, shape (m, 3)
+        Midpoints at both ends of the step, Å.
+    half, motion : ndarray, shape (m,)
+        Greatest half length, and greatest motion of an end, Å.
+    rows : ndarray, shape (m, 14)
+        Midpoints and half edges at both ends, greatest half length and motion, once more: whoever looks at pairs of
+        edges finds all of one edge in two places in memory instead of ten.
+    """
 
     mid0: FloatArray
     mid1: FloatArray
-    span0: FloatArray
-    span1: FloatArray
     half: FloatArray
     motion: FloatArray
+    rows: FloatArray
+
+
+MID0, MID1, SPAN0, SPAN1, HALF, MOTION = 0, 3, 6, 9, 12, 13
+"""Where in a row of `Spheres.rows` its parts begin."""
 
 
 @njit(cache=True, nogil=True)
 def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     """Return the bounding spheres of the edges, moving linearly; proven for all times, as lengths are convex in t."""
-    m = len(edges)
+    m, x0, x1 = len(edges), motion.x0, motion.x1
     mid0, mid1, half, moved = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
-    span0, span1 = np.empty((m, 3)), np.empty((m, 3))
+    rows = np.empty((m, 14))
     for k in range(m):
-        a0, b0 = row(motion.x0, edges[k, 0]), row(motion.x0, edges[k, 1])
-        a1, b1 = row(motion.x1, edges[k, 0]), row(motion.x1, edges[k, 1])
+        a, b = edges[k, 0], edges[k, 1]
+        a0, b0, a1, b1 = row(x0, a), row(x0, b), row(x1, a), row(x1, b)
+        first, second = scale(0.5, subtract(b0, a0)), scale(0.5, subtract(b1, a1))
+        from_a, from_b = subtract(a1, a0), subtract(b1, b0)
         mid0[k, 0], mid0[k, 1], mid0[k, 2] = scale(0.5, add(a0, b0))
         mid1[k, 0], mid1[k, 1], mid1[k, 2] = scale(0.5, add(a1, b1))
-        span0[k, 0], span0[k, 1], span0[k, 2] = scale(0.5, subtract(b0, a0))
-        span1[k, 0], span1[k, 1], span1[k, 2] = scale(0.5, subtract(b1, a1))
-        half[k] = max(norm(row(span0, k)), norm(row(span1, k)))
-        moved[k] = max(norm(subtract(a1, a0)), norm(subtract(b1, b0)))
-    return Spheres(mid0, mid1, span0, span1, half, moved)
+        half[k] = np.sqrt(max(dot(first, first), dot(second, second)))
+        moved[k] = np.sqrt(max(dot(from_a, from_a), dot(from_b, from_b)))
+        for axis in range(3):
+            rows[k, MID0 + axis], rows[k, MID1 + axis] = mid0[k, axis], mid1[k, axis]
+        rows[k, SPAN0], rows[k, SPAN0 + 1], rows[k, SPAN0 + 2] = first
+        rows[k, SPAN1], rows[k, SPAN1 + 1], rows[k, SPAN1 + 2] = second
+        rows[k, HALF], rows[k, MOTION] = half[k], moved[k]
+    return Spheres(mid0, mid1, half, moved, rows)
+
+
+@njit(cache=True, nogil=True)
+def part_of(rows: FloatArray, k: int, start: int) -> Vector:
+    """Return three numbers of a row of `Spheres.rows`: one of its vectors."""
+    return rows[k, start], rows[k, start + 1], rows[k, start + 2]
 
 
 @njit(cache=True, nogil=True)

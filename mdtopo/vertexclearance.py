@@ -31,9 +31,12 @@ from mdtopo.rungs import are_neighbours
 from mdtopo.spheres import (
     LEAST_SLACK,
     PLACING_ERROR,
+    SPAN0,
+    SPAN1,
     Spheres,
     greatest_coordinate,
     mean_edge_length,
+    part_of,
     spheres_of,
 )
 
@@ -136,7 +139,7 @@ def lower_bounds(
     A pair whose cheap bounds show that it lowers neither is passed over.
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    mid0, mid1, span0, span1, half = spheres.mid0, spheres.mid1, spheres.span0, spheres.span1, spheres.half
+    mid0, mid1, rows, half = spheres.mid0, spheres.mid1, spheres.rows, spheres.half
     moves, image_move, image = spheres.motion, 0.0, (0, 0, 0)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -152,7 +155,8 @@ def lower_bounds(
                 continue
             else:
                 image_move = 0.0
-        f0, g0, f1, g1 = row(span0, i), row(span0, j), row(span1, i), row(span1, j)
+        f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
+        f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
         wanted = max(least[i], least[j])
         moved = moves[i] + moves[j] + image_move + slack
         if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, wanted, np.inf, slack):
