@@ -1,5 +1,6 @@
 """A Dask cluster that is running already: found, and looked at before hours of work are given to it."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -33,18 +34,33 @@ def connected(address: str) -> Iterator[Any]:
         raise MissingDependencyError(
             f"A Dask cluster needs the package distributed ({error}); install it: pip install 'mdtopo[dask]'."
         ) from error
+    with _quiet():
+        try:
+            client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise ClusterError(
+                f"No Dask scheduler answers at {address} ({error or 'no answer in time'}); give the address that "
+                "'dask scheduler' prints, such as tcp://host:8786."
+            ) from error
+        try:
+            with client.as_current():
+                yield client
+        finally:
+            client.close()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep Dask's client from logging tracebacks of what is said in one sentence here."""
+    loggers = [logging.getLogger(name) for name in ("distributed.client", "distributed.comm", "distributed.core")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ClusterError(
-            f"No Dask scheduler answers at {address} ({error or 'no answer in time'}); give the address that 'dask "
-            "scheduler' prints, such as tcp://host:8786."
-        ) from error
-    try:
-        with client.as_current():
-            yield client
+        yield
     finally:
-        client.close()
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
 
 
 def check_workers(client: Any) -> int:

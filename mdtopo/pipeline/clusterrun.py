@@ -297,6 +297,8 @@ class _ClusterJob:
         from distributed import KilledWorker
 
         if future.status == "cancelled":
+            if self.client.status != "running":
+                raise OSError("the connection is lost")
             return ShardOutcome("", failure="the cluster has dropped it.")
         error = future.exception()
         if isinstance(error, KilledWorker):

@@ -106,6 +106,12 @@ def slow(*inputs: str, stop: StopRequest, **how: Any) -> Any:
     return mdtopo.monitor(*inputs, stop=stop, **how)
 
 
+def wait_for_a_shard(folder: Path) -> None:
+    end = time.monotonic() + 30
+    while not list(folder.glob("run.h5.shards/shard-*.h5")) and time.monotonic() < end:
+        time.sleep(0.01)
+
+
 def test_an_interrupted_command_ends_with_75_and_goes_on(
     threads: str, trajectory: Path, tmp_path: Path, patched_monitor: Callable[..., None],
     capsys: pytest.CaptureFixture[str],
@@ -115,9 +121,7 @@ def test_an_interrupted_command_ends_with_75_and_goes_on(
     words += ["--block-steps", "4", "--dask", threads, "--shard-steps", "30"]
 
     def interrupt() -> None:
-        end = time.monotonic() + 30
-        while not list(tmp_path.glob("run.h5.shards/shard-*.h5")) and time.monotonic() < end:
-            time.sleep(0.01)
+        wait_for_a_shard(tmp_path)
         os.kill(os.getpid(), signal.SIGINT)
 
     patched_monitor(slow)
@@ -191,6 +195,28 @@ def test_a_worker_that_dies_again_and_again_is_one_sentence(
         assert "Traceback" not in said
         # the worker's successor is whole
         assert main([*words, "--dask", running.scheduler_address]) == Exit.DONE
+
+
+def test_a_scheduler_that_goes_is_one_sentence(
+    trajectory: Path, tmp_path: Path, patched_monitor: Callable[..., None], capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.h5"
+    words = ["monitor", str(trajectory), "-o", str(out), "--shard-steps", "30", "--block-steps", "4"]
+    patched_monitor(slow)
+    with local_cluster(1, processes=False, protocol="tcp") as running:
+
+        def close() -> None:
+            wait_for_a_shard(tmp_path)
+            running.close()
+
+        closer = threading.Thread(target=close)
+        closer.start()
+        assert main([*words, "--dask", running.scheduler_address]) == Exit.BAD_INPUT
+        closer.join()
+    said = capfd.readouterr().err
+    assert f"The Dask scheduler at {running.scheduler_address} is gone (" in said
+    assert f"of 8 shards are finished in {out}.shards; the same command goes on with the others." in said
+    assert "Traceback" not in said
 
 
 def test_who_does_not_answer_is_named(trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
