@@ -23,11 +23,10 @@ class StepColumns:
         self._first_step = 0
         self._held = 0
         self._buffers: dict[str, NDArray[Any]] = {}
-        self._datasets: dict[str, h5py.Dataset] = {}
         group.attrs["first_step"] = 0
         for column in StepTable.columns():
             layout = Layout(column_dtype(column), column.description, column.unit, column.shape)
-            self._datasets[column.name] = create_column(group, column.name, layout)
+            create_column(group, column.name, layout)
             self._buffers[column.name] = np.empty((CHUNK_ROWS, *column.shape), layout.dtype)
 
     def append(self, table: StepTable) -> bool:
@@ -62,7 +61,7 @@ class StepColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name, buffer in self._buffers.items():
-            extend(self._datasets[name], buffer[: self._held])
+            extend(self._group[name], buffer[: self._held])
         self._held = 0
 
 
@@ -70,8 +69,10 @@ class CrossingColumns:
     """The datasets of /crossings, and the crossings that are not written yet."""
 
     def __init__(self, group: h5py.Group) -> None:
+        self._group = group
         self._held: list[Crossings] = []
-        self._datasets = {name: create_column(group, name, layout) for name, layout in CROSSINGS.items()}
+        for name, layout in CROSSINGS.items():
+            create_column(group, name, layout)
 
     def append(self, crossings: Crossings) -> bool:
         """Take some crossings; True if some were written."""
@@ -86,7 +87,7 @@ class CrossingColumns:
         """Write the crossings that are held back."""
         held = Crossings.joined(self._held)
         for name in CROSSINGS:
-            extend(self._datasets[name], getattr(held, name))
+            extend(self._group[name], getattr(held, name))
         self._held = []
 
 
@@ -94,9 +95,11 @@ class AlertColumns:
     """The datasets of /alerts, and the alerts that are not written yet."""
 
     def __init__(self, group: h5py.Group) -> None:
+        self._group = group
         self._held: list[dict[str, Any]] = []
         group.attrs["schema"] = ALERT_SCHEMA
-        self._datasets = {name: create_column(group, name, layout) for name, layout in ALERTS.items()}
+        for name, layout in ALERTS.items():
+            create_column(group, name, layout)
 
     def append(self, alert: Alert) -> bool:
         """Take an alert; True if some were written."""
@@ -109,7 +112,7 @@ class AlertColumns:
     def flush(self) -> None:
         """Write the alerts that are held back."""
         for name, layout in ALERTS.items():
-            extend(self._datasets[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype))
+            extend(self._group[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype))
         self._held = []
 
 
@@ -117,8 +120,10 @@ class StretchColumns:
     """The datasets of /stretches, and the rows that are not written yet."""
 
     def __init__(self, group: h5py.Group) -> None:
+        self._group = group
         self._held: list[Stretches] = []
-        self._datasets = {name: create_column(group, name, layout) for name, layout in STRETCHES.items()}
+        for name, layout in STRETCHES.items():
+            create_column(group, name, layout)
 
     def append(self, stretches: Stretches) -> bool:
         """Take some rows; True if some were written."""
@@ -132,7 +137,7 @@ class StretchColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name in STRETCHES if self._held else ():
-            extend(self._datasets[name], np.concatenate([getattr(table, name) for table in self._held]))
+            extend(self._group[name], np.concatenate([getattr(table, name) for table in self._held]))
         self._held = []
 
 
@@ -140,8 +145,10 @@ class ProblemColumns:
     """The datasets of /problems, and the rows that are not written yet."""
 
     def __init__(self, group: h5py.Group) -> None:
+        self._group = group
         self._held: list[tuple[int, str]] = []
-        self._datasets = {name: create_column(group, name, layout) for name, layout in PROBLEMS.items()}
+        for name, layout in PROBLEMS.items():
+            create_column(group, name, layout)
 
     def append(self, table: StepTable) -> bool:
         """Take what is wrong with the steps of a table; True if some of it was written."""
@@ -155,7 +162,7 @@ class ProblemColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name, values in zip(PROBLEMS, zip(*self._held, strict=True), strict=False):
-            extend(self._datasets[name], np.array(values, PROBLEMS[name].dtype))
+            extend(self._group[name], np.array(values, PROBLEMS[name].dtype))
         self._held = []
 
 
@@ -190,7 +197,10 @@ def create_column(group: h5py.Group, name: str, layout: Layout) -> h5py.Dataset:
 
 
 def extend(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-    """Add rows at the end of a dataset."""
+    """Add rows at the end of a dataset.
+
+    Whoever adds to many lets go of each: HDF5 keeps megabytes of chunks for every dataset that is open.
+    """
     if len(values):
         start = len(dataset)
         dataset.resize(start + len(values), axis=0)
