@@ -91,7 +91,8 @@ def test_monitor_beside_a_bare_read_loop(tmp_path: Path, n_atoms: int, n_frames:
 SHARD = """
 import os, sys, time, mdtopo
 from benchmark_systems import POLYLINE_ONLY
-top, traj, start, stop, out = sys.argv[1:]
+top, traj, start, stop, out, core = sys.argv[1:]
+os.sched_setaffinity(0, {int(core)})  # as a batch system does
 def run(frames, out):
     mdtopo.monitor(top, traj, select="name CA", frames=frames, out=out, overwrite=True, threads=1,
                    reader_options={"cut": "9"}, config=POLYLINE_ONLY)
@@ -106,10 +107,11 @@ for _ in sys.stdin:
 
 
 class Shard:
-    """A process that measures a range of frames whenever it is told to, and says how long it took."""
+    """A process on one core that measures a range of frames whenever it is told to, and says how long it took."""
 
-    def __init__(self, files: tuple[Path, Path], frames: slice, out: Path) -> None:
+    def __init__(self, files: tuple[Path, Path], frames: slice, out: Path, core: int) -> None:
         words = [sys.executable, "-c", SHARD, *map(str, files), str(frames.start), str(frames.stop), str(out)]
+        words.append(str(core))
         tests = Path(systems.__file__).parent
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tests.parent), str(tests)])}
         self.out = out
@@ -151,15 +153,15 @@ def test_two_processes_on_two_shards(tmp_path: Path) -> None:
         for half in halves:
             half.begin()
         both = [half.ended() for half in halves]
-        wall.append(alone[0] / (2.0 * max(one[0] for one in both)))
-        processors.append(alone[1] / sum(one[1] for one in both))
+        wall.append(alone[0] / (2.0 * max(seconds for seconds, _ in both)))
+        processors.append(alone[1] / sum(busy for _, busy in both))
         joining.append(
             timed(lambda: merge(*(h.out for h in halves), out=tmp_path / "m.h5", overwrite=True))[0] / alone[0]
         )
     for process in (single, *halves):
         process.close()
     print(
-        f"\ntwo processes on two shards of {n_frames} frames, medians of {ROUNDS} rounds: parallel efficiency "
+        f"\ntwo processes on two shards of {n_frames} frames, a core each, medians of {ROUNDS} rounds: efficiency "
         f"{statistics.median(wall):.2f} on the wall (aim 0.85), {statistics.median(processors):.2f} by processor time; "
         f"merging takes {statistics.median(joining):.3f} of the single run"
     )
