@@ -17,7 +17,7 @@ from mdtopo.geometry.approximate import (
     place_vertices,
 )
 from mdtopo.records import Approximation, CompositeBezier, Isotopy, ParametricCurve
-from mdtopo.tubes import tube
+from mdtopo.tubes import radius_bounds
 from mdtopo.typing import Flags, Lengths
 
 EPSILON_PER_TOLERANCE = 4.0
@@ -182,20 +182,19 @@ def _isotopy(curve: CompositeBezier | ParametricCurve, error: float, along: Flag
     if isinstance(curve, ParametricCurve) and curve.first_derivative is None:
         return Isotopy.NOT_KNOWN, "the tube of a ParametricCurve needs its first derivative"
     try:
-        radius = tube(curve).radius
+        least, most = radius_bounds(curve, error)
     except InputError as problem:
         return Isotopy.NOT_KNOWN, f"the curve has no tube: {problem}"
-    if not error < radius:
-        return (
-            Isotopy.NOT_KNOWN,
-            f"the polyline is {error:.6g} Å from the curve, whose tube has the radius {radius:.6g} Å",
-        )
+    if not error < least:
+        words = f"has the radius {most:.6g} Å" if error >= most else f"is proved to have the radius {least:.6g} Å only"
+        return Isotopy.NOT_KNOWN, f"the polyline is {error:.6g} Å from the curve, whose tube {words}"
     if not along.all():
         return (
             Isotopy.NOT_KNOWN,
             f"{int((~along).sum())} chords are not seen to run along their arc; ask for shorter ones",
         )
     words = (
-        f"the polyline lies in the tube (within {error:.6g} Å of the curve, radius {radius:.6g} Å) and runs along it"
+        f"the polyline lies in the tube (within {error:.6g} Å of the curve, radius {least:.6g} Å or more) "
+        "and runs along it"
     )
     return (Isotopy.TUBE if isinstance(curve, CompositeBezier) else Isotopy.TUBE_SAMPLED), words

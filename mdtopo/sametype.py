@@ -10,7 +10,7 @@ from mdtopo.errors import InputError
 from mdtopo.polyline import checked_positions, polyline_step
 from mdtopo.records import CompositeBezier, Isotopy, MonitorConfig, Strands, Verdict
 from mdtopo.smooth import CurveKind, spline_curve
-from mdtopo.tubes import tube
+from mdtopo.tubes import radius_bounds
 from mdtopo.typing import Points
 
 MOST_PARTS = 64
@@ -80,24 +80,26 @@ def same_type(x: Points, strands: Strands, kind: CurveKind = "interpolating") ->
     curve = spline_curve(x, strands, kind)
     if curve.n_segments != len(strands.edges):
         return SameType(Isotopy.NOT_KNOWN, "the curve has not one segment for each edge", np.inf)
+    arcs = [BezierArc.of(curve, strand) for strand in range(len(curve.closed))]
+    parts, distance, least, most = 1, np.inf, 0.0, np.inf
     try:
-        radius = tube(curve).radius
+        while parts <= MOST_PARTS:
+            chords = [arc.chords(_ends(arc, parts)) for arc in arcs]
+            distance = max(float(found[0].max()) for found in chords)
+            if least <= distance < most:
+                least, most = radius_bounds(curve, distance)
+            if distance < least and all(found[1].all() for found in chords):
+                break
+            parts *= 2
+        else:
+            lacking = f"no polyline of {MOST_PARTS} chords for each edge is seen in the tube of radius {most:.4g} Å"
+            return SameType(Isotopy.NOT_KNOWN, lacking, distance)
     except InputError as problem:
         return SameType(Isotopy.NOT_KNOWN, f"the curve has no tube ({str(problem).rstrip('.')})", np.inf)
-    arcs = [BezierArc.of(curve, strand) for strand in range(len(curve.closed))]
-    parts, distance = 1, np.inf
-    while parts <= MOST_PARTS:
-        chords = [arc.chords(_ends(arc, parts)) for arc in arcs]
-        distance = max(float(found[0].max()) for found in chords)
-        if distance < radius and all(found[1].all() for found in chords):
-            break
-        parts *= 2
-    else:
-        lacking = f"no polyline of {MOST_PARTS} chords for each edge is seen in the tube of radius {radius:.4g} Å"
-        return SameType(Isotopy.NOT_KNOWN, lacking, distance)
     if parts == 1 and _passes_through(curve, x, strands):
         words = (
-            f"all edges run along it, within {distance:.4g} Å of the curve, whose tube has the radius {radius:.4g} Å"
+            f"all edges run along it, within {distance:.4g} Å of the curve, whose tube has the radius {least:.4g} Å or "
+            "more"
         )
         return SameType(Isotopy.TUBE, words, distance)
     return _moved(arcs, x, strands, parts, distance)

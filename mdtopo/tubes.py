@@ -12,6 +12,10 @@ from mdtopo.sampledtubes import sampled_tube
 TOLERANCE = 1e-8
 """How close the bounds of a value are brought together, relatively."""
 
+STAGES = (1e-2, 1e-4, 1e-6, TOLERANCE)
+"""Tolerances that are tried in turn where it is only asked whether the radius is greater than a length: a circle's
+diameters all have one length, so that the last digits of it take a hundred times as long as the first ones."""
+
 SMOOTH = 1e-9
 """Segments that follow each other smoothly have tangents within this angle: more than rounding, less than a corner."""
 
@@ -81,6 +85,28 @@ def tube(curve: CompositeBezier | ParametricCurve, *, tolerance: float = TOLERAN
         terms.append(_searched(curve, ENDS, TubeLimit.END_BODY, tolerance))
         terms.append(_end_to_end(curve))
     return Tube(tuple(terms), is_proven=True)
+
+
+def radius_bounds(curve: CompositeBezier | ParametricCurve, distance: float) -> tuple[float, float]:
+    """Return two bounds of the radius of the tube, Å, as close as is needed to compare it with a distance.
+
+    Guarantee
+    ---------
+    As of `tube`: for a `CompositeBezier` the lower one is proven. The distance lies between the two only where it does
+    for those of `tube` itself.
+
+    Raises
+    ------
+    InputError
+        See `tube`.
+    """
+    least, most = 0.0, np.inf
+    for tolerance in STAGES:
+        found = tube(curve, tolerance=tolerance)
+        least, most = max(least, found.radius), min(most, found.radius_at_most)
+        if distance < least or distance >= most or not found.is_proven:
+            break
+    return least, most
 
 
 def _inverse(value: float) -> float:

@@ -70,6 +70,11 @@ class Tube:
         return self.ruling.radius
 
     @property
+    def radius_at_most(self) -> float:
+        """Upper bound of the radius, Å, by what was found."""
+        return min(t.found if t.limit is TubeLimit.CURVATURE else 0.5 * t.found for t in self.terms)
+
+    @property
     def kappa_max(self) -> float:
         """An upper bound of the greatest curvature, 1/Å."""
         least = self.term(TubeLimit.CURVATURE).least

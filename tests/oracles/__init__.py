@@ -12,6 +12,7 @@
 | `zeros` | zeros of polynomial maps on a box |
 | `curves` | where a composite curve meets itself, at rest and while it moves |
 | `splines` | splines from their definitions |
+| `tubes` | thickness of closed curves by dense sampling |
 
 Numbers may come as floats (taken as the dyadic rationals they are), integers, Fractions or strings ("1/3").
 """

@@ -1,11 +1,13 @@
 import cases
 import numpy as np
 import pytest
+from oracles.tubes import least_distance, thickness
 
 import mdtopo
 from mdtopo import CompositeBezier, ParametricCurve, TubeLimit
 from mdtopo.errors import InputError
 from mdtopo.geometry.curvature import greatest_curvature
+from mdtopo.tubes import STAGES, radius_bounds
 
 TUBES = cases.tube_cases()
 PI = np.pi
@@ -299,3 +301,106 @@ def test_a_ring_of_one_segment_with_a_smooth_joint() -> None:
     # by hand: up the middle, from 0 to y(1/2) = 2·(10/32)·3 = 15/8; across, the two sides are further or nearer
     assert found.self_distance <= 15 / 8
     assert 0.3 < found.radius <= found.self_distance / 2
+
+
+# --- against the judge ------------------------------------------------------------------------------------------------
+
+
+def test_the_judge_by_hand() -> None:
+    """A circle of radius 1 has the thickness 1; two edges of a slot 1/5 apart rule one that is drawn out."""
+    assert thickness(RING, 50) == pytest.approx(0.9921, abs=1e-3)  # cubics bend a little more at their joints
+    assert thickness(RING * [1.0, 0.1, 1.0], 200) == pytest.approx(0.01, rel=0.05)  # b²/a at the ends
+    assert least_distance(RING, RING + np.array([0, 0, 0.3]), 20) == pytest.approx(0.3, rel=1e-12)
+
+
+def longest_gap(curve: CompositeBezier, per_segment: int) -> float:
+    """Return the greatest distance of neighbouring samples, from the greatest |c'|."""
+    steps = np.linalg.norm(np.diff(curve.control_points, axis=1), axis=2)
+    return float(curve.degree * steps.max() / per_segment)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_tube_is_as_thick_as_samples_say(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, kind = int(rng.integers(5, 14)), ("interpolating", "bspline")[seed % 2]
+    curve = mdtopo.spline_curve(rng.normal(size=(n, 3)) * 3, mdtopo.Strands.from_lengths([n], closed=True), kind=kind)
+    radius, per_segment = mdtopo.tube(curve).radius, 1500 // n
+    sampled = thickness(curve.control_points, per_segment)
+    assert radius <= sampled * (1 + 1e-9)
+    # two places are missed by half a gap each at most, which lengthens the line between them only by its square
+    assert sampled <= np.hypot(radius, longest_gap(curve, per_segment)) * 1.01
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_tube_of_a_smooth_curve_is_as_thick_as_samples_say(seed: int) -> None:
+    """Three harmonics through 24 vertices: samples show all of it."""
+    rng = np.random.default_rng(seed)
+    x = 2 * PI * np.arange(24) / 24
+    points = sum(
+        (np.cos(k * x)[:, None] * rng.normal(size=3) + np.sin(k * x)[:, None] * rng.normal(size=3)) * 3 / k
+        for k in (1, 2, 3)
+    )
+    curve = mdtopo.spline_curve(points, mdtopo.Strands.from_lengths([24], closed=True), kind="interpolating")
+    radius, sampled = mdtopo.tube(curve).radius, thickness(curve.control_points, 60)
+    assert radius * (1 - 1e-9) <= sampled <= radius * 1.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_two_strands_are_as_far_apart_as_samples_say(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.concatenate([rng.normal(size=(8, 3)) * 3, rng.normal(size=(8, 3)) * 3 + [4, 0, 0]])
+    curve = mdtopo.spline_curve(points, mdtopo.Strands.from_lengths([8, 8], closed=True), kind="interpolating")
+    found = mdtopo.tube(curve).term(TubeLimit.STRANDS)
+    sampled = least_distance(curve.control_points[:8], curve.control_points[8:], 100)
+    assert found.least <= sampled <= np.hypot(found.least, longest_gap(curve, 100)) * 1.01
+
+
+# --- no closer than is asked ------------------------------------------------------------------------------------------
+
+
+def circle(n: int) -> CompositeBezier:
+    x = 2 * PI * np.arange(n) / n
+    points = np.stack([np.cos(x), np.sin(x), 0 * x], axis=1)
+    return mdtopo.spline_curve(points, mdtopo.Strands.from_lengths([n], closed=True), kind="interpolating")
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The tolerances that a tube is asked for."""
+    seen: list[float] = []
+
+    def tube(curve: CompositeBezier, *, tolerance: float) -> mdtopo.Tube:
+        seen.append(tolerance)
+        return mdtopo.tube(curve, tolerance=tolerance)
+
+    monkeypatch.setattr("mdtopo.tubes.tube", tube)
+    return seen
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.5, 0.9, 1.1, 7.0])
+def test_a_distance_far_from_the_radius_needs_the_first_digits_alone(asked: list[float], distance: float) -> None:
+    least, most = radius_bounds(circle(12), distance)
+    assert asked == [STAGES[0]]
+    assert (distance < least) == (distance < 1.0)
+    assert least * (1 - 1e-12) <= mdtopo.tube(circle(12)).radius <= most
+
+
+@pytest.mark.parametrize(
+    ("share", "n_stages"), [(1 - 1e-3, 2), (1 - 1e-5, 3), (1 - 1e-7, 4), (1 + 1e-7, 4), (1 + 1e-1, 1)]
+)
+def test_a_distance_is_told_from_the_radius_as_closely_as_the_tube_itself_can(
+    asked: list[float], share: float, n_stages: int
+) -> None:
+    curve = circle(12)
+    distance = share * mdtopo.tube(curve, tolerance=1e-11).radius
+    least, most = radius_bounds(curve, distance)
+    assert not least <= distance < most
+    assert (distance < least) is (share < 1)
+    assert len(asked) <= n_stages
+
+
+def test_a_distance_within_the_last_digits_is_never_said_to_be_inside() -> None:
+    curve = circle(12)
+    found = mdtopo.tube(curve)
+    least, most = radius_bounds(curve, 0.5 * (found.radius + found.radius_at_most))
+    assert least <= 0.5 * (found.radius + found.radius_at_most) <= most
