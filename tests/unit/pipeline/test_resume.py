@@ -133,6 +133,7 @@ def test_finished_parts_of_a_run_can_be_read(trajectory: Path, tmp_path: Path) -
     [
         ({"config": MonitorConfig(near_limit=0.7)}, "near_limit was 0.8, and now is 0.7"),
         ({"config": MonitorConfig(motion="lab")}, "motion was 'rigid', and now is 'lab'"),
+        ({"config": MonitorConfig(curve="bspline")}, "curve was 'interpolating', and now is 'bspline'"),
         ({"frames": slice(0, 200)}, r"frames was \[None, None, None\], and now is \[0, 200, None\]"),
         ({"reader": "arrays"}, "reader was not given, and now is 'arrays'"),
     ],
