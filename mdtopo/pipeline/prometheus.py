@@ -54,6 +54,10 @@ def metrics_text(summary: RunSummary, *, run: str, is_running: bool) -> str:
         ("verdict", "gauge", "1 for the verdict of the steps so far, 0 for the others.", _by("verdict", verdicts)),
         ("running", "gauge", "1 while the run is watched, 0 when it has ended.", [({}, float(is_running))]),
     ]
+    if summary.curve is not None:
+        curve = {name: float(getattr(summary.curve, name)) for name in ("certified", "unresolved", "crossed")}
+        help_text = "Steps by outcome for the smooth curve; they add up to all steps."
+        metrics.insert(2, ("curve_outcome_steps_total", "counter", help_text, _by("outcome", curve)))
     return "".join(line for metric in metrics for line in _lines(*metric, run=run))
 
 

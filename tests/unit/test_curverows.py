@@ -119,6 +119,26 @@ def test_the_columns_are_those_of_curve_step(tmp_path: Path, kind: Any) -> None:
     assert CurveVerdict.CROSSING in verdicts or kind in ("bspline", "bezier")  # these cut corners
 
 
+@pytest.mark.parametrize("seed", [1, 2, 11])
+def test_proven_is_said_where_the_linking_number_of_the_curves_changes(tmp_path: Path, seed: int) -> None:
+    frames, strands = loose_rings(seed, 30)
+    _, results = job(tmp_path, frames, strands)
+    places = np.arange(24) / 24
+
+    def linking(x: Positions) -> int:
+        one, other = (spline_curve(x, strands).points(places)[k : k + 12].reshape(-1, 3) for k in (0, 12))
+        return mdtopo.linking_number(one, other)
+
+    changes = 0
+    for k, (before, after) in enumerate(pairwise(map(linking, frames))):
+        between = [c for c in results.curve_crossings.of_step(k) if c.strands == ("strand 0", "strand 1")]
+        if results.steps["curve_verdict"][k] != CurveVerdict.UNRESOLVED:
+            assert sum(c.sign for c in between) == after - before
+            assert {c.grade is Grade.PROVEN for c in between} <= {after != before}
+            changes += after != before
+    assert changes
+
+
 # --- invariance -------------------------------------------------------------------------------------------------------
 
 

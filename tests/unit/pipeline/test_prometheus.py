@@ -1,12 +1,13 @@
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from mdtopo.errors import OutputError
 from mdtopo.pipeline.prometheus import metrics_text, write_metrics
-from mdtopo.records import Grade, RunSummary, RunVerdict, Severity, StepCounts
+from mdtopo.records import CurveCounts, Grade, RunSummary, RunVerdict, Severity, StepCounts
 
 SAMPLE = re.compile(r'^(?P<name>[a-z_]+)\{(?P<labels>([a-z_]+="([^"\\\n]|\\.)*",?)+)\} (?P<value>\S+)$')
 
@@ -39,6 +40,13 @@ def test_every_number_of_the_summary_has_its_line() -> None:
     verdicts = {name: value for name, value in found.items() if name.startswith("mdtopo_verdict")}
     assert [name for name, value in verdicts.items() if value] == ['mdtopo_verdict{run="a",verdict="FAIL"}']
     assert len(verdicts) == len(RunVerdict)
+
+
+def test_the_curve_has_lines_of_its_own_where_it_was_looked_at() -> None:
+    assert not [name for name in values(metrics_text(summary(), run="a", is_running=True)) if "curve" in name]
+    with_curve = replace(summary(), curve=CurveCounts(certified=9, flat=8, unresolved=4, crossed=2))
+    found = values(metrics_text(with_curve, run="a", is_running=True))
+    assert [value for name, value in found.items() if name.startswith("mdtopo_curve_outcome")] == [9, 4, 2]
 
 
 def test_what_is_not_known_is_nan() -> None:
