@@ -165,9 +165,9 @@ function heatPlot(element) {
   const known = all.filter((r) => strip.vertex[r] >= 0), hit = known.filter((r) => strip.clearance[r] === 0);
   const words = (r) => said(strip.clearance[r], strip.vertex[r], strip.step[r]);
   // on a narrow screen the scale of colours lies above the map, where it takes no width
-  const narrow = element.parentElement.clientWidth < 640, n = y[rows], ends = narrow ? [0, 0.74, 0.8] : [0, 0.765, 0.87];
+  const narrow = element.parentElement.clientWidth < 640, n = y[rows], ends = narrow ? [0, 0.74, 0.8] : [0, 0.75, 0.88];
   const bar = narrow ? { orientation: "h", title: { text: "clearance (Å)", side: "top" }, x: 0, xanchor: "left", y: 1.01, yanchor: "bottom", len: 0.74, nticks: 5 }
-    : { title: { text: "clearance (Å)", side: "right" }, x: ends[1] + 0.01, xanchor: "left" };
+    : { title: { text: "Å", side: "top" }, x: ends[1] + 0.01, xanchor: "left" }; // short: on paper the page is narrower
   const traces = [
     { ...common, z, zmin: 0, zmax: most || 1, colorscale: NEAR_FAR.map((c, k) => [k / 8, c]),
       colorbar: { ...bar, thickness: 12, outlinewidth: 0 } },
@@ -241,13 +241,16 @@ function openView(view) {
   stage.hidden = controls.hidden = false; view.querySelector(".still").hidden = view.querySelector(".open3d").hidden = true;
   const pieces = d.pieces.map((p) => ({ ...p, x0: unpack(p.x0, Float32Array), x1: unpack(p.x1, Float32Array) }));
   const strands = [...new Set(pieces.map((p) => p.strand))];
+  // of many strands those of one colour are one trace: each trace costs time, and a long legend says nothing
+  const few = strands.length <= 8, colour = (k) => OKABE[k % OKABE.length];
+  const groups = few ? strands.map((name) => [name]) : OKABE.map((_, c) => strands.filter((_, k) => k % OKABE.length === c));
   let radius = d.radius;
-  const at = (t) => strands.map((name) => {
+  const at = (t) => groups.map((names) => {
     const x = [], y = [], z = [], text = [];
-    for (const p of pieces) if (p.strand === name) {
+    for (const p of pieces) if (names.includes(p.strand)) {
       for (let k = 0; k < p.labels.length; k += 1) {
         const v = [0, 1, 2].map((c) => (1 - t) * p.x0[3 * k + c] + t * p.x1[3 * k + c]);
-        x.push(v[0]); y.push(v[1]); z.push(v[2]); text.push(plain(p.labels[k]));
+        x.push(v[0]); y.push(v[1]); z.push(v[2]); text.push(plain(few ? p.labels[k] : `${p.labels[k]} of ${p.strand}`));
       }
       x.push(null); y.push(null); z.push(null); text.push("");
     }
@@ -279,7 +282,7 @@ function openView(view) {
   };
   const t0 = d.t, line3 = (extra) => ({ type: "scatter3d", mode: "lines+markers", hoverinfo: "text+name", ...extra });
   const traces = [
-    ...at(t0).map((s, k) => line3({ ...s, name: plain(strands[k]), line: { color: OKABE[k % OKABE.length], width: 4 }, marker: { size: 2.5, color: OKABE[k % OKABE.length] }, opacity: 0.75, showlegend: strands.length <= 8 })),
+    ...at(t0).map((s, k) => line3({ ...s, name: few ? plain(strands[k]) : "strands", line: { color: colour(k), width: 4 }, marker: { size: 2.5, color: colour(k) }, opacity: 0.75, showlegend: few })),
     line3({ ...smooth(t0), name: plain(data.curve_name), mode: "lines", line: { color: CURVE, width: 3 }, visible: curves.length > 0 }),
     ...moving(t0).map((s, k) => line3(k < d.marked.length
       ? { ...s, name: d.marked.length === 2 ? `${k ? "second" : "first"} ${d.arcs ? "arc" : "edge"}` : "edge", mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
@@ -316,7 +319,6 @@ for (const view of document.querySelectorAll(".view")) {
   const button = view.querySelector(".open3d");
   if (!hasWebGL) button.hidden = true;
   button.onclick = () => openView(view);
-  if (view.closest("details").open) openView(view);
 }
 for (const button of document.querySelectorAll(".copy")) button.onclick = async () => {
   const text = button.previousElementSibling.textContent;
@@ -333,5 +335,9 @@ window.addEventListener("beforeprint", () => {
   for (const e of unfolded) e.open = true;
 });
 window.addEventListener("afterprint", () => { for (const e of unfolded) e.open = false; });
-document.documentElement.dataset.ready = "1";
+// the first view last: where graphics are slow, everything else can be read meanwhile, and its picture is there
+setTimeout(() => {
+  for (const view of document.querySelectorAll(".event[open] .view")) openView(view);
+  document.documentElement.dataset.ready = "1";
+}, 0);
 })();
