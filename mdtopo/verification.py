@@ -8,6 +8,7 @@ import numpy as np
 
 from mdtopo.curvechecks import curve_differences
 from mdtopo.errors import InputError
+from mdtopo.profilechecks import profile_differences, profile_file_differences
 from mdtopo.readers import Reader
 from mdtopo.records import Crossing, Crossings, Frame, MonitorConfig, Rung, Verdict
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
@@ -181,6 +182,7 @@ def file_differences(found: Results) -> Iterator[str]:
     yield from _uncounted(found, found.crossings, "n_crossings", "crossings")
     if "curve_n_crossings" in steps:
         yield from _uncounted(found, found.curve_crossings, "curve_n_crossings", "crossings of the curve")
+    yield from profile_file_differences(found)
     counts = found.summary.get("counts")
     if not counts:  # a run that did not come to its end has none
         return
@@ -240,6 +242,7 @@ def check_step(found: Results, step: int, kind: str, frame0: Frame, frame1: Fram
         *_verdict_differences(found, step, verdict, crossings, contacts),
         *_number_differences(found, row, verdict, case, bool(crossings)),
         *curve_differences(found, step, case),
+        *profile_differences(found, step, case),
     ]
     return StepCheck(step, kind, verdict, tuple(differences), note)
 

@@ -140,3 +140,33 @@ def least_distances(path: LinearPath, pieces: list[Piece], edges: Indices, reach
         if len(rows):
             np.minimum.at(least, kind[rows], edge_distances(points[rows]))
     return least
+
+
+def vertex_distances(path: LinearPath, edges: Indices, reach: float) -> Lengths | None:
+    """Return how near the edges of each vertex come to any other over some times of the step, within reach.
+
+    Parameters
+    ----------
+    path, edges
+        The step.
+    reach : float
+        How near edges are to be, Å.
+
+    Returns
+    -------
+    ndarray, shape (n_vertices,), or None
+        Å; infinite where no edge comes so near. None where the images cannot be counted.
+    """
+    pairs, least = near_pairs(path, edges, reach), np.full(len(path.ends[0]), np.inf)
+    if pairs is None:
+        return None
+    for t in np.linspace(0.0, 1.0, SAMPLES):
+        points = points_at(path, edges, pairs, float(t))
+        between = points[:, :2].mean(axis=1) - points[:, 2:].mean(axis=1)
+        halves = 0.5 * np.linalg.norm(points[:, [1, 3]] - points[:, [0, 2]], axis=2).sum(axis=1)
+        rows = np.flatnonzero(np.linalg.norm(between, axis=1) <= (halves + reach) * (1.0 + 1e-9))
+        if len(rows):
+            found = edge_distances(points[rows])[:, np.newaxis]
+            for edge in (pairs.first[rows], pairs.second[rows]):
+                np.minimum.at(least, edges[edge], found)
+    return least

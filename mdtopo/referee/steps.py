@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from mdtopo.records import Frame, Strands
-from mdtopo.referee.distances import least_distances, separation
+from mdtopo.referee.distances import least_distances, separation, vertex_distances
 from mdtopo.referee.meeting import judge_pair
 from mdtopo.referee.paths import LinearPath, Piece, frame_fault, linear_path, pieces_of
 from mdtopo.referee.search import near_pairs, undecided_pairs
@@ -95,6 +95,10 @@ class StepCase:
     def least_distances(self, reach: Lengths) -> Lengths | None:
         """Return the least sampled distance of each class within reach; see `distances.least_distances`."""
         return least_distances(self.path, self.pieces, self.edges, reach)
+
+    def vertex_distances(self, reach: float) -> Lengths | None:
+        """Return the least sampled distance of each vertex's edges within reach; see `distances.vertex_distances`."""
+        return vertex_distances(self.path, self.edges, reach)
 
     @cached_property
     def meetings(self) -> tuple[tuple[FoundCrossing, ...], tuple[FoundContact, ...]] | None:

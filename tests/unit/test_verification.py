@@ -32,12 +32,13 @@ def bars(passes: bool) -> np.ndarray:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Callable[..., Path]:
-    def make(positions: np.ndarray, *, motion: str = "lab", **arrays: Any) -> Path:
+    def make(positions: np.ndarray, *, motion: str = "lab", profile_steps: int = 0, **arrays: Any) -> Path:
         source = tmp_path / "run.npz"
         offsets, closed = np.array([0, 4, 8]), np.array([False, False])
         np.savez(source, positions=positions, offsets=offsets, closed=closed, time=np.arange(9.0), **arrays)
         out = tmp_path / "run.h5"
-        monitor(source, out=out, config=MonitorConfig(motion=motion), overwrite=True)  # type: ignore[arg-type]
+        config = MonitorConfig(motion=motion, profile_steps=profile_steps)  # type: ignore[arg-type]
+        monitor(source, out=out, config=config, overwrite=True)
         return out
 
     return make
@@ -106,10 +107,34 @@ def only(path: Path, *, step: int | None = None) -> list[str]:
 @pytest.mark.parametrize("cell", [None, 12.0 * np.eye(3)], ids=["free", "periodic"])
 def test_what_the_job_writes_agrees(run: Callable[..., Path], passes: bool, motion: str, cell: Any) -> None:
     arrays = {} if cell is None else {"cell": cell}
-    found = verify(run(bars(passes), motion=motion, **arrays), sampling=EVERY)
+    found = verify(run(bars(passes), motion=motion, profile_steps=1, **arrays), sampling=EVERY)
     assert found.agrees, found
     assert found.n_steps == len(found.checks) == 8
     assert found.notes == ()
+
+
+def test_a_profile_that_claims_too_much_or_is_of_another_step_is_found(run: Callable[..., Path]) -> None:
+    path = run(bars(True), profile_steps=32)
+    found = read_results(path)
+    assert found.profile is not None
+    assert found.profile.step.tolist() == [CROSSED]
+    v = int(np.argmax(found.profile.clearance[0]))
+    with h5py.File(path, "a") as file:
+        file["profile/clearance"][0, v] += 0.5
+    (text,) = only(path, step=CROSSED)
+    assert text.startswith(f"the profile has {found.profile.clearance[0, v] + 0.5:.9g} Å at ")
+    with h5py.File(path, "a") as file:
+        file["profile/clearance"][0, v] = np.nan
+    (text,) = only(path, step=CROSSED)
+    assert "has no pair, but its edges come within" in text
+    with h5py.File(path, "a") as file:
+        file["profile/clearance"][0, v] = found.profile.clearance[0, v]
+        file["profile/step"][0] = CROSSED + 1
+    assert any(f"the closest step in it is {CROSSED} with 0 Å" in text for text in verify(path).differences)
+    with h5py.File(path, "a") as file:
+        file["profile/step"][0] = CROSSED
+        file["profile/window"][0] = 7
+    assert any("the profile has 1 windows" in text for text in verify(path).differences)
 
 
 def test_an_unresolved_step_is_told_what_the_referee_finds(run: Callable[..., Path]) -> None:
