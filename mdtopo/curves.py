@@ -106,8 +106,11 @@ def whole_strands(
         centre = (0.0, 0.0, 0.0)
         for k in range(offsets[g], offsets[g + 1]):
             i = vertices[k]
-            v = lattice_vector((counts[i, 0], counts[i, 1], counts[i, 2]), basis)
-            centre = add(centre, add(row(x, i), v))
+            placed, count = row(x, i), (counts[i, 0], counts[i, 1], counts[i, 2])
+            if count != (0, 0, 0):
+                placed = add(placed, lattice_vector(count, basis))
+            whole[i, 0], whole[i, 1], whole[i, 2] = placed
+            centre = add(centre, placed)
         centre = scale(1.0 / (offsets[g + 1] - offsets[g]), centre)
         if g == 0:
             anchor = centre
@@ -117,8 +120,8 @@ def whole_strands(
             total = (counts[i, 0] + move[0], counts[i, 1] + move[1], counts[i, 2] + move[2])
             applied = max(applied, abs(total[0]), abs(total[1]), abs(total[2]))
             stored = max(stored, abs(x[i, 0]), abs(x[i, 1]), abs(x[i, 2]))
-            v = lattice_vector(total, basis)
-            whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), v)
+            if move != (0, 0, 0):
+                whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), lattice_vector(total, basis))
     return whole, reduced, winding, counts, stored + (1 + applied) * total_length(basis_of(cell))
 
 

@@ -273,7 +273,7 @@ def edge_pairs(near: IntArray, starts: IntArray, bundles: FloatArray, boxes: Flo
     for n in range(len(near)):
         first, second = near[n, 0], near[n, 1]
         if count + BUNDLE * BUNDLE > len(found):
-            found = grown_rows(found, 2 * len(found))
+            found = grown_rows(found, 3 * len(found) // 2)  # by half: while it is copied, both are held
         for i in range(starts[first], starts[first + 1]):
             x, y, z, u, v, w = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], boxes[i, 4], boxes[i, 5]
             below = (bundles[second, 0] <= u) & (bundles[second, 1] <= v) & (bundles[second, 2] <= w)

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo import MonitorConfig, Strands, polyline_step
-from mdtopo.geometry.broadphase import candidate_pairs
+from mdtopo.geometry.bundles import near_edges
 from mdtopo.geometry.distances import closest_points
 from mdtopo.geometry.vectors import norm, row, subtract
 
@@ -88,22 +88,24 @@ def furthest_of(x0: Points, x1: Points) -> float:
 
 
 @njit(nogil=True)
-def least_distance(x: Points, mid: Points, radii: Points, reach: float) -> float:
-    """Return the least distance of two edges of a frame that share no vertex; `reach` where it is greater."""
-    nothing, least = np.zeros((3, 3)), reach
-    pairs, _, _ = candidate_pairs(mid, mid, radii, nothing, nothing, False)
+def least_distance(x: Points, reach: float) -> float:
+    """Return the least distance of two edges of a chain that share no vertex; `reach` where it is greater."""
+    m, least = len(x) - 1, reach
+    edges, trace, pads = np.empty((m, 2), np.int64), np.zeros(m, np.int64), np.full(m, 0.5 * reach)
+    edges[:, 0], edges[:, 1] = np.arange(m), np.arange(1, m + 1)
+    for i in range(m - 2):
+        _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, i + 2), row(x, i + 3))
+        least = min(least, norm(n))
+    pairs = near_edges(x, x, edges, trace, pads)
     for k in range(len(pairs)):
         i, j = pairs[k]
-        if abs(i - j) > 1:
-            _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, j), row(x, j + 1))
-            least = min(least, norm(n))
+        _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, j), row(x, j + 1))
+        least = min(least, norm(n))
     return least
 
 
 def distance_within(x: Points, reach: float) -> float:
-    edges = x[1:] - x[:-1]
-    half = 0.5 * np.sqrt((edges * edges).sum(axis=1))
-    return float(least_distance(x, 0.5 * (x[1:] + x[:-1]), half + 0.5 * reach, reach))
+    return float(least_distance(x, reach))
 
 
 def meets_itself(x: Points) -> bool:
