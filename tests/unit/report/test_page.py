@@ -345,14 +345,19 @@ def test_in_a_browser(make: Callable[..., Path], tmp_path: Path) -> None:
 
 
 @needs_browser
-def test_without_webgl_the_picture_stands_in(make: Callable[..., Path], tmp_path: Path) -> None:
-    results = make()
+def test_without_webgl_and_on_paper_pictures_stand_in(make: Callable[..., Path], tmp_path: Path) -> None:
+    results = make(near_limit=0.1)
     write_report(results, results.with_suffix(".html"))
     flags = tuple(flag for flag in browser.FLAGS if "gl" not in flag and "swiftshader" not in flag)
     with browser.browser(tmp_path / "profile", flags=(*flags, "--disable-gpu", "--disable-3d-apis")) as page:
         page.open(results.with_suffix(".html"))
         assert page.run("return document.querySelector('.still').getBoundingClientRect().width") > 300
         assert page.run("return document.querySelector('.stage').hidden")
+        shown = "return [...document.querySelectorAll('.event')].filter((e) => e.open).length"
+        pictured = page.run("return document.querySelectorAll('.event .still').length")
+        assert pictured > page.run(shown) == 1
+        assert page.run(f"window.dispatchEvent(new Event('beforeprint')); {shown}") == pictured
+        assert page.run(f"window.dispatchEvent(new Event('afterprint')); {shown}") == 1
         assert page.errors() == []
 
 
