@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """\
 Work out a sample of the steps of a results file again from the trajectory, and report where the two disagree. Every
-pair of edges is looked at, crossings are decided in whole numbers without rounding, and ν, displacement and clearances
-are held against distances found by trying. The code is slow and shares nothing with that of the job but the rotation
-that is taken out of a step. Of the smooth curve, the crossings and clearances of the file are held against splines that
-SciPy makes; crossings that the file lacks are not looked for.
+pair of edges is looked at, crossings are decided in whole numbers without rounding, and ν, displacement and
+clearances, those of every vertex in the profile too, are held against distances found by trying. The code is slow and
+shares nothing with that of the job but the rotation that is taken out of a step. Of the smooth curve, the crossings
+and clearances of the file are held against splines that SciPy makes; crossings that the file lacks are not looked
+for.
 """
 
 EXAMPLE = """\
