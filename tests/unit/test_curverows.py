@@ -94,6 +94,20 @@ def test_the_curve_passes_while_its_polygon_is_certified(tmp_path: Path) -> None
     assert "the smooth curve of" in alert.message
 
 
+def test_the_paper_s_comparison_as_printed_and_in_its_sound_form(tmp_path: Path) -> None:
+    frames = np.stack([np.column_stack([p, np.zeros(4)]) for p in cases.curve_cases()["T3"].floats])
+    _, results = job(tmp_path, frames, Strands.from_lengths([4]), curve="bezier")
+    row = {name: column[0] for name, column in results.steps.items()}
+    assert row["curve_d_star"] == pytest.approx(1.0, rel=1e-12)
+    assert row["curve_printed_ratio"] == pytest.approx(0.75, rel=1e-12)  # below 1, though the moved curve meets itself
+    assert row["curve_bezier_ratio"] == pytest.approx(1.5, rel=1e-12)
+    assert row["curve_bezier_margin"] == pytest.approx(-0.5, rel=1e-12)
+    assert row["curve_d_star_segment"].tolist() == [0, 3]
+    assert row["curve_verdict"] == CurveVerdict.UNRESOLVED
+    # in a plane the strand's polygon touches itself too, so that one alert says it
+    assert row["verdict"] == Verdict.UNRESOLVED or any(a.object is Shape.CURVE for a in results.alerts)
+
+
 @pytest.mark.parametrize("kind", ["interpolating", "bspline", "catmull-rom", "bezier"])
 def test_the_columns_are_those_of_curve_step(tmp_path: Path, kind: Any) -> None:
     frames, strands = loose_rings(3)
