@@ -72,7 +72,7 @@ def _paper(results: Results, row: Mapping[str, Any]) -> Iterator[str]:
     says = "below 1 no single segment comes to meet itself" if ratio < 1.0 else "not below 1, so it proves nothing here"
     yield (
         f"The paper's comparison in its sound form is {ratio:.4g} ({says}); as printed, with the motion of control "
-        f"points themselves, {row['curve_printed_ratio']:.4g}, which would have to be below 1/2."
+        f"points themselves, {row['curve_printed_ratio']:.4g}, which says the same below 1/2 only."
     )
 
 

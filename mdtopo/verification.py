@@ -14,7 +14,7 @@ from mdtopo.records import Crossing, Crossings, Frame, MonitorConfig, Rung, Verd
 from mdtopo.referee import FoundContact, FoundCrossing, StepCase, open_step
 from mdtopo.reopening import frames_at, input_files, open_again
 from mdtopo.store import Results, read_so_far
-from mdtopo.typing import Lengths
+from mdtopo.typing import Flags, Indices, Lengths
 
 SAME_NUMBER = 1e-9
 """Relative difference up to which ν and displacement agree: sums of a million terms, and near-parallel edges."""
@@ -41,7 +41,8 @@ class Sampling:
     Attributes
     ----------
     nearest : int
-        That many of the certified steps, those with the least clearance.
+        That many of the certified steps, those with the least clearance; and at most so many, at random, of those in
+        which the smooth curve alone passes.
     share : float
         That share of the other certified steps, at random; from 0 to 1.
     seed : int
@@ -49,7 +50,7 @@ class Sampling:
     steps : tuple of int or None
         These steps and no others. By default all with a crossing, all that are unresolved, and the two samples.
     most : int or None
-        At most this many steps, in the order crossing, nearest, unresolved, random.
+        At most this many steps, in the order crossing, nearest, unresolved, curve, random.
     """
 
     nearest: int = 10
@@ -67,7 +68,7 @@ class StepCheck:
     ----------
     step : int
     kind : str
-        Why it was chosen: ``crossing``, ``unresolved``, ``nearest``, ``random`` or ``named``.
+        Why it was chosen: ``crossing``, ``unresolved``, ``nearest``, ``curve``, ``random`` or ``named``.
     verdict : Verdict
         In the results.
     differences : tuple of str
@@ -161,19 +162,30 @@ def chosen_steps(results: Path, found: Results, sampling: Sampling) -> tuple[dic
         return dict.fromkeys(sorted(set(sampling.steps)), "named"), 0
     crossed = (verdict == Verdict.CROSSING) | (found.steps["n_crossings"] > 0)
     crossed[np.unique(found.crossings.step) - first] = True
-    certified = np.flatnonzero((verdict == Verdict.CERTIFIED) & ~crossed)
+    curve = np.zeros(len(verdict), dtype=np.bool_)
+    curve[_of_curve(found, crossed, sampling)] = True
+    certified = np.flatnonzero((verdict == Verdict.CERTIFIED) & ~crossed & ~curve)
     order = certified[np.argsort(found.steps["clearance"][certified], kind="stable")]
     near, rest = order[: sampling.nearest], np.sort(order[sampling.nearest :])
     count = int(np.ceil(sampling.share * len(rest)))
     kinds = {
         "crossing": np.flatnonzero(crossed),
         "nearest": near,
-        "unresolved": np.flatnonzero((verdict != Verdict.CERTIFIED) & ~crossed),
+        "unresolved": np.flatnonzero((verdict != Verdict.CERTIFIED) & ~crossed & ~curve),
+        "curve": np.flatnonzero(curve),
         "random": np.random.default_rng(sampling.seed).choice(rest, count, replace=False),
     }
     every = [(first + int(row), kind) for kind, rows in kinds.items() for row in rows]
     kept = every if sampling.most is None else every[: sampling.most]
     return dict(sorted(kept)), len(every) - len(kept)
+
+
+def _of_curve(found: Results, crossed: Flags, sampling: Sampling) -> Indices:
+    """Return the rows of some steps, at random, in which the curve passes and the polyline does not."""
+    rows = np.unique(found.curve_crossings.step) - found.first_step
+    rows = rows[~crossed[rows]]
+    generator = np.random.default_rng(sampling.seed)
+    return generator.choice(rows, min(sampling.nearest, len(rows)), replace=False)
 
 
 def file_differences(found: Results) -> Iterator[str]:

@@ -91,6 +91,16 @@ def test_clearances_and_verdicts_that_were_touched_are_found(tmp_path: Path) -> 
     assert "the curve is CERTIFIED, and the file lists" in said[crossed][0]
 
 
+def test_steps_in_which_the_curve_alone_passes_are_among_the_sample(tmp_path: Path) -> None:
+    frames, strands = rings(2, 20)
+    path = run(tmp_path, frames, strands)
+    found = mdtopo.read_results(path)
+    alone = set(found.curve_crossings.step.tolist()) - set(found.crossings.step.tolist())
+    assert alone
+    kinds = {check.step: check.kind for check in verify(path, sampling=Sampling(nearest=50, share=0.0)).checks}
+    assert {step for step, kind in kinds.items() if kind == "curve"} == alone
+
+
 def test_a_real_run_agrees(shared_data: Path, tmp_path: Path) -> None:
     inputs = [shared_data / part for part in ("soft/soft.data", "soft/soft_fine.dcd")]
     mdtopo.monitor(*inputs, out=tmp_path / "run.h5", frames=slice(0, 9))
