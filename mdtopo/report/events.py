@@ -109,7 +109,8 @@ def _edges(run: RunData, alert: Alert, crossing: Crossing | None, row: int) -> t
         return ()
     if (found < 0).any() or not _named(run, alert, found.ravel().tolist()):
         return ()
-    return tuple((int(a), int(b)) for a, b in found)
+    # a curve that folds within one arc is named by that arc twice
+    return tuple(dict.fromkeys((int(a), int(b)) for a, b in found))
 
 
 def _is_edge(run: RunData, a: int, b: int) -> bool:
@@ -124,22 +125,22 @@ def _named(run: RunData, alert: Alert, vertices: "list[int] | tuple[int, int]") 
     return min(vertices, default=-1) >= 0 and {labels.text(v) for v in vertices} <= set(alert.residues)
 
 
-def event_place(run: RunData, event: Event) -> tuple[float | None, tuple[float, float] | None]:
+def event_place(run: RunData, event: Event) -> tuple[float | None, tuple[float, ...] | None]:
     """Return when within its step an event is (None: where the pair is nearest), and where on the smooth curve's arcs.
 
-    The second is None where it is about edges.
+    The second has a share for each of the event's edges, and is None where it is about these and not about arcs.
     """
     crossing = event.crossing
     if not event.about_curve:
         return (None if crossing is None else crossing.t), None
     if crossing is not None:
         s, r = crossing.parameters.tolist()
-        return crossing.t, (s, r)
+        return crossing.t, (s, r)[: len(event.edges)]
     place = run.columns["curve_place"][run.row(event.alert.step_peak)]
     if not np.isfinite(place).all():
-        return 0.5, (0.5, 0.5)
+        return 0.5, (0.5,) * len(event.edges)
     t, s, r = place.mean(axis=1).tolist()
-    return t, (s, r)
+    return t, (s, r)[: len(event.edges)]
 
 
 def _concern(event: Event) -> tuple[int, int, int, float, int]:

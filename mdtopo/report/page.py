@@ -240,7 +240,8 @@ def _unchecked(run: RunData) -> str:
     words += [f"{len(run.results.strands.gaps)} gaps in strands"] if run.results.strands.gaps else []
     words += [f"{run.summary.counts.unresolved} undecided steps"] if run.summary.counts.unresolved else []
     if run.summary.curve is not None and run.summary.curve.unresolved:
-        words.append(f"{run.summary.curve.unresolved} steps of the smooth curve undecided")
+        n = run.summary.curve.unresolved
+        words.append(f"{n} step{'' if n == 1 else 's'} of the smooth curve undecided")
     return f"{'; '.join(words)}."
 
 

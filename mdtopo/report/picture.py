@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mdtopo.report.scene import Scene, path_distance
+from mdtopo.report.scene import Scene, path_distance, path_length
 from mdtopo.typing import Points
 
 if TYPE_CHECKING:
@@ -122,4 +122,4 @@ def distance_words(marked: list[Points]) -> str:
     """Return the distance of the marked pair in words, or the length of the one edge."""
     if len(marked) == 2:
         return f"distance {round(path_distance(*marked), 9):.3g} Å"  # an exact meeting, in floating point
-    return f"length {np.linalg.norm(marked[0][1] - marked[0][0]):.3g} Å"
+    return f"length {path_length(marked[0]):.3g} Å"

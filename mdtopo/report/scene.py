@@ -104,7 +104,7 @@ def event_scene(
     edges: tuple[tuple[int, int], ...],
     t: float | None,
     kind: CurveKind = "interpolating",
-    on_curve: tuple[float, float] | None = None,
+    on_curve: tuple[float, ...] | None = None,
 ) -> Scene:
     """Return the surroundings of the marked edges.
 
@@ -119,7 +119,7 @@ def event_scene(
         When the view opens; by default where the pair is nearest.
     kind : str
         Which smooth curve is drawn beside the edges.
-    on_curve : tuple of 2 floats, optional
+    on_curve : tuple of float, optional
         Where the event is about the smooth curve: the place on each arc, from 0 to 1, that the event is about. The arcs
         are marked then.
 
@@ -190,11 +190,14 @@ def _nearest_image(motion: StepMotion, edges: tuple[tuple[int, int], ...]) -> In
 
 
 def _spread(marked: list[tuple[Points, Points]], t: float) -> float:
-    """Return the distance of two edges at time t, or the length of one."""
+    """Return the distance of two edges or arcs at time t, or the length of one."""
     now = [(1.0 - t) * x0 + t * x1 for x0, x1 in marked]
-    if len(now) == 1:
-        return float(np.linalg.norm(now[0][1] - now[0][0]))
-    return path_distance(now[0], now[1])
+    return path_length(now[0]) if len(now) == 1 else path_distance(now[0], now[1])
+
+
+def path_length(x: Points) -> float:
+    """Return the length of a path of straight pieces, Å."""
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
 
 
 def path_distance(p: Points, q: Points) -> float:
@@ -237,7 +240,7 @@ def segment_distance(p: Points, q: Points) -> float:
 def _eye(now: list[Points]) -> NDArray[np.float64]:
     """Return the direction to look from: across both edges, so that they form an X, a little from the side."""
     d1 = now[0][-1] - now[0][0]
-    d2 = now[1][-1] - now[1][0] if len(now) == 2 else np.zeros(3)
+    d2 = now[1][-1] - now[1][0] if len(now) == 2 else now[0][1] - now[0][0]  # of one arc: onto the plane of its bend
     across = np.cross(d1, d2)
     if np.linalg.norm(across) < 1e-3 * (np.linalg.norm(d1) * np.linalg.norm(d2) + 1e-12):
         across = np.cross(d1, np.eye(3)[np.argmin(np.abs(d1))])

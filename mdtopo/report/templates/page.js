@@ -276,7 +276,7 @@ function openView(view) {
     const lines = pair.map((p) => ({ x: column(p, 0), y: column(p, 1), z: column(p, 2) }));
     const link = near ? [near.m, near.w] : pair[0];
     lines.push({ x: column(link, 0), y: column(link, 1), z: column(link, 2) });
-    const length = Math.sqrt(dot(sub(pair[0][1], pair[0][0]), sub(pair[0][1], pair[0][0])));
+    const length = pair[0].slice(1).reduce((sum, p, k) => sum + Math.sqrt(dot(sub(p, pair[0][k]), sub(p, pair[0][k]))), 0);
     output.textContent = `t = ${t.toFixed(4)}   ` + (near ? `distance ${near.d.toFixed(4)} Å` : `length ${length.toFixed(4)} Å`);
     return lines;
   };
@@ -285,7 +285,7 @@ function openView(view) {
     ...at(t0).map((s, k) => line3({ ...s, name: few ? plain(strands[k]) : "strands", line: { color: colour(k), width: 4 }, marker: { size: 2.5, color: colour(k) }, opacity: 0.75, showlegend: few })),
     line3({ ...smooth(t0), name: plain(data.curve_name), mode: "lines", line: { color: CURVE, width: 3 }, visible: curves.length > 0 }),
     ...moving(t0).map((s, k) => line3(k < d.marked.length
-      ? { ...s, name: d.marked.length === 2 ? `${k ? "second" : "first"} ${d.arcs ? "arc" : "edge"}` : "edge", mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
+      ? { ...s, name: d.marked.length === 2 ? `${k ? "second" : "first"} ${d.arcs ? "arc" : "edge"}` : d.arcs ? "arc" : "edge", mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
       : { ...s, name: "distance", mode: "lines+markers", line: { color: "#000", width: 4 }, marker: { size: 4, color: "#000", symbol: "diamond" }, visible: d.marked.length === 2 })),
   ];
   const axis = () => ({ range: [-radius, radius], visible: false, showspikes: false });

@@ -102,6 +102,32 @@ def test_its_view_opens_where_the_arcs_meet(make: Callable[..., tuple[RunSummary
     assert page_of(out)[1]["scenes"][event.alert.id]["arcs"] is True
 
 
+def test_a_fold_has_a_view_of_its_one_arc(tmp_path: Path) -> None:
+    # two vertices come together in a plane, and the arc between them makes a loop; its edges never meet
+    x = np.stack([np.array([[-3.0, -3, 0], [0, 0, 0], [gap, 0, 0], [3, -3, 0]]) for gap in (2.0, 1.9, 0.1)])
+    np.savez(tmp_path / "run.npz", positions=x, offsets=[0, 4], closed=[False], time=np.arange(3.0))
+    out, config = tmp_path / "run.h5", MonitorConfig(motion="lab", curve="catmull-rom")
+    summary = monitor(tmp_path / "run.npz", out=out, config=config)
+    assert summary.curve is not None
+    assert (summary.counts.unresolved, summary.curve.unresolved) == (0, 1)
+    run = RunData.of(out, read_results(out))
+    (event,) = (event for event in ranked_events(run) if event.about_curve)
+    assert (event.name, event.edges) == ("unresolved of the curve", ((1, 2),))
+    t, places = event_place(run, event)
+    assert places is not None
+    assert len(places) == 1
+    scene = event_scenes(run)[0][event.alert.id]
+    ((x0, x1),) = scene.marked
+    assert scene.t == t
+    # at first the arc goes on along x all the way; in the end it runs back within it
+    assert (np.diff(x0[:, 0]) > 0.0).all()
+    assert (np.diff(x1[:, 0]) < 0.0).any()
+    assert abs(scene.eye[2]) > 0.9  # seen from above the plane
+    text, data = page_of(out)
+    assert "1 step of the smooth curve undecided" in text
+    assert len(data["scenes"][event.alert.id]["marked"]) == 1
+
+
 def test_a_run_without_the_curve_says_so(make: Callable[..., tuple[RunSummary, Path]]) -> None:
     summary, out = make(LEVELS, curve="none")
     assert summary.curve is None
