@@ -51,7 +51,7 @@ class AlertFile:
         if self._target is None or str(self._target) == "-":
             return
         path = Path(self._target)
-        if not path.exists():
+        if path.is_dir() or not path.exists():
             check_target(path, overwrite=True)
         elif not os.access(path, os.W_OK):
             raise OutputError(f"The alert file {path} cannot be written: this user may not.")

@@ -135,6 +135,8 @@ def monitor_on_cluster(
             )  # fmt: skip
             shards = [_Entry(part, folder / f"shard-{part.start:010d}-{part.stop:010d}.h5") for part in ranges]
             job = _ClusterJob(client, cluster, template, shards, stop or StopRequest(), on_progress)
+            if output.parts is not None:
+                output.parts.is_measuring = True
             checkpoint = job.run()
             if checkpoint:
                 if output.parts is not None:

@@ -91,7 +91,7 @@ class Output:
         self.head = replace(self.head, reference=reference)
         if self.parts is None:
             return
-        self.parts.head = self.head
+        self.parts.head, self.parts.is_measuring = self.head, True
         if self.parts.parts:
             stored = read_results(self.parts.parts[0].path, columns=()).reference
             if stored is None or stored.lengths.tobytes() != reference.lengths.tobytes():
@@ -152,13 +152,13 @@ class _Leaving:
     def __enter__(self) -> None:
         return
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        if self.parts is not None and error is not None and read_state(self.path) is not None:
+    def __exit__(self, _: type[BaseException] | None, error: BaseException | None, __: object) -> None:
+        folder = folder_of(self.path)
+        has_state, has_parts = (folder / "state.json").exists(), any(folder.glob("part-*.h5"))
+        if has_state and self.parts is not None and error is not None:
             with suppress(OutputError):  # often it is the error: the disk is full
                 self.parts.note_end("failed", str(error) or type(error).__name__)
-        folder = folder_of(self.path)
-        has_parts = any(folder.glob("part-*.h5"))
-        has_state = (folder / "state.json").exists() and not (kind is not None and issubclass(kind, InputError))
+            has_state = self.parts.is_measuring
         if not has_parts and not has_state:
             remove_folder(self.path)  # with the lock in it
         self.lock.release()

@@ -172,10 +172,10 @@ def measured_blocks(
         return
     announce_compilation()
     reference = reference_lengths(reference_samples(first, reader.strands))
-    if on_reference is not None:
-        on_reference(reference)
     refuse_winding(first[0], reader.strands)
     refuse_long_strands(reader.strands, config.curve)
+    if on_reference is not None:
+        on_reference(reference)
     setting = Setting.start(reader.strands, config, reference)
     known = bonds if restart is None else restart.bonds
     if known is not None:

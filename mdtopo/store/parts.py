@@ -235,12 +235,15 @@ class PartsWriter:
         When the run was first begun, UTC.
     parts : list of Part
         Those that are finished.
+    is_measuring : bool
+        Whether steps are being measured, and not only what is needed for that looked at.
     """
 
     out: Path
     head: Head
     started: str
     parts: list[Part] = field(default_factory=list)
+    is_measuring: bool = False
     _writer: ResultsWriter | None = None
     _first_step: int = 0
     _n_steps: int = 0

@@ -262,6 +262,17 @@ def test_a_lock_that_cannot_be_made_is_named(trajectory: Path, tmp_path: Path, m
         mdtopo.monitor(trajectory, out=tmp_path / "run.h5")
 
 
+@pytest.mark.parametrize("make", [Path.touch, Path.mkdir])
+def test_an_alert_file_that_is_there_leaves_no_trace(
+    trajectory: Path, tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    alerts = tmp_path / "alerts.jsonl"
+    make(alerts)
+    with pytest.raises(OutputError, match=r"alerts\.jsonl (exists already|is a directory)"):
+        mdtopo.monitor(trajectory, out=tmp_path / "run.h5", alerts=alerts)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["alerts.jsonl", "input.npz"]
+
+
 def test_an_alert_file_that_cannot_be_made_leaves_no_trace(trajectory: Path, tmp_path: Path) -> None:
     with pytest.raises(
         OutputError, match=r"alerts\.jsonl cannot be written, because the directory .*none does not exist"
