@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
-from mdtopo.geometry.hull import hull_distance
+from mdtopo.geometry.hull import direction_bound, hull_distance
 from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.segmenthulls import PAIR
 from mdtopo.geometry.segmentpairs import lone_checks, pair_checks
@@ -188,19 +188,14 @@ def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[flo
         before = subtract(row(c1[k], 0), row(c0[k], 0))
         moved = dot(before, before)
         chord = subtract(row(c0[k], n), row(c0[k], 0))
-        least = np.inf
         for i in range(n):
-            q = subtract(row(c0[k], i + 1), row(c0[k], i))
-            v[i, 0], v[i, 1], v[i, 2] = q
-            least = min(least, dot(chord, q))
+            v[i, 0], v[i, 1], v[i, 2] = subtract(row(c0[k], i + 1), row(c0[k], i))
             after = subtract(row(c1[k], i + 1), row(c0[k], i + 1))
             moved = max(moved, dot(after, after))
             change = subtract(after, before)
             turned = max(turned, dot(change, change))
             before = after
-        length = norm(chord)
-        # with room for rounding: of a control point at most the greatest coordinate times 64u, which slack has
-        low = least / length - 2.0 * slack if length > 1e-140 else 0.0
+        low = direction_bound(v, chord) - 2.0 * slack
         moved, turned = np.sqrt(moved), np.sqrt(turned)
         if low > d_star and turned <= ratio * low and low - turned > margin and moved <= printed * low:
             continue
