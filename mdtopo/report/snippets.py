@@ -17,7 +17,7 @@ OPENING = ("topology_format", "format", "atom_style", "dt", "time_offset", "leng
 """Options of the MDAnalysis reader that its Universe takes by the same names."""
 
 FOREIGN = {"VMD": (".tpr",), "PyMOL": (".data", ".lammps", ".tpr")}
-"""Extensions of topologies that a program does not read."""
+"""Extensions of topologies that a program does not read, or not everywhere."""
 
 
 def snippets(
@@ -130,4 +130,5 @@ def _refusal(program: str, topology: str) -> list[str]:
     suffix = PurePath(topology).suffix
     if suffix not in FOREIGN[program]:
         return []
-    return [f"# {program} does not read {suffix}: write a PDB or GRO file of the first frame, and load that"]
+    reads = f"not every {program} reads" if program == "VMD" else f"{program} does not read"
+    return [f"# {reads} {suffix}: write a PDB or GRO file of the first frame then, and load that"]

@@ -206,7 +206,7 @@ def test_pymol_shows_the_two_frames(files: Callable[[str], str], kind: str, fram
 
 def test_what_a_program_does_not_read_is_said() -> None:
     found = snippets(["/x/md.tpr", "/x/md.xtc"], (0, 1), [0, 1])
-    assert "VMD does not read .tpr" in found["VMD"]
+    assert "not every VMD reads .tpr" in found["VMD"]
     assert "PyMOL does not read .tpr" in found["PyMOL"]
     assert "does not read" not in found["MDAnalysis"]
     assert "PyMOL does not read .data" in snippets(["/x/top.data", "/x/run.dcd"], (0, 1), [0])["PyMOL"]
