@@ -67,5 +67,7 @@ def test_a_million_steps(tmp_path: Path) -> None:
     subprocess.run(report, capture_output=True, check=True)
     print(f"  report in {time.perf_counter() - begun:.0f} s, page {page.stat().st_size / 1e6:.1f} MB")
     assert held[-1] - held[1] < 10.0
-    assert run["peak"] - held[1] < 30.0
+    # the profile, a row of float32 for 32 steps and 8 million values at most, is there three times when it is joined
+    profile = 3 * 4 * min(8_000_000, n_steps // 32 * 100) / 2**20
+    assert run["peak"] - held[1] < 30.0 + profile
     assert out.stat().st_size < 200e6

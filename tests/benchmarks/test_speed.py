@@ -142,10 +142,12 @@ def test_two_processes_on_two_shards(tmp_path: Path) -> None:
     n_frames = 5_001
     files = systems.write_trajectory(tmp_path, 2_000, 2_000, n_frames)
     middle = n_frames // 2
-    single = Shard(files, slice(0, n_frames), tmp_path / "single.h5")
+    one, other = sorted(os.sched_getaffinity(0))[:2]
+    single = Shard(files, slice(0, n_frames), tmp_path / "single.h5", one)
     halves = [
-        Shard(files, slice(0, middle + 1), tmp_path / "a.h5"), Shard(files, slice(middle, n_frames), tmp_path / "b.h5")
-    ]  # fmt: skip
+        Shard(files, slice(0, middle + 1), tmp_path / "a.h5", one),
+        Shard(files, slice(middle, n_frames), tmp_path / "b.h5", other),
+    ]
     wall, processors, joining = [], [], []
     for _ in range(ROUNDS):
         single.begin()
