@@ -1,6 +1,6 @@
 """The smooth curve in a run, beside the polyline alone: verdicts and time. Run with ``pytest -m benchmark -s``.
 
-The machine may be noisy, so both are timed in turn in one run, and the best time of each counts.
+The machine may be noisy, so both are timed in turn in one run, in processor time, and the best time of each counts.
 """
 
 import time
@@ -30,13 +30,13 @@ TARGET = 3.0
 
 
 def timed(curve: Any, *inputs: Any, **how: Any) -> tuple[float, RunSummary]:
-    start = time.perf_counter()
+    start = time.process_time()
     summary = monitor(*inputs, config=MonitorConfig(curve=curve), threads=1, **how)
-    return time.perf_counter() - start, summary
+    return time.process_time() - start, summary
 
 
 def cost_of(*inputs: Any, **how: Any) -> tuple[float, float, int]:
-    """Return the best times of a run, s, with the polyline alone and with the curve, and its number of steps."""
+    """Return the least processor times of a run, s, with the polyline alone and with the curve, and how many steps."""
     timed("none", *inputs, **how)
     timed("interpolating", *inputs, **how)
     best = [np.inf, np.inf]
