@@ -232,7 +232,8 @@ class AlertStream:
         for row in np.flatnonzero(near):
             value, unit = float(values[row]), UNITS[criterion]
             detail = (
-                f"possible strand fracture: {CRITERIA[criterion]} {value:.3g}{unit} (limit {limit:g}{unit}) "
+                f"near the limit (a possible strand passage or fracture between the frames): {CRITERIA[criterion]} "
+                f"{value:.3g}{unit} (limit {limit:g}{unit}) "
                 f"at {self._pair_in_words(pairs[row])}"
             )
             yield self._finding(

@@ -39,7 +39,8 @@ class StepCounts:
     Attributes
     ----------
     ball : int
-        Proved by a ball rung (0 or 1), the paper's comparison of displacement and separation; not near the limit.
+        Proved by a ball rung: 0, the paper's comparison of displacement and separation, or 1, its two-frame form; not
+        near the limit.
     pairs : int
         Proved pair by pair, not near the limit.
     near_limit : int

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,20 @@ class Card:
     title, kind : str
         Its name or names, and what it is in a few words.
     clearance : float
-        Least clearance on record, Å; NaN where it never was the closest.
+        Least clearance on record, Å; NaN where it never was the closest. Of a strand: between edges of its own, also
+        those with one edge between them.
     step : int
         The step of it; -1 where there is none.
     place : str
         Between which edges.
+    apart, apart_step : float, int
+        Of a strand, the least clearance on record from another one, Å, and its step; NaN and -1 where there is none.
     n_crossings, n_alerts : int
         How many there are; crossings of the polyline.
     n_curve_crossings : int
         How many crossings of the smooth curve there are, counted apart.
+    what : str
+        What the clearance is of, in words.
     """
 
     title: str
@@ -39,6 +44,9 @@ class Card:
     n_crossings: int
     n_alerts: int
     n_curve_crossings: int = 0
+    what: str = "least clearance"
+    apart: float = float("nan")
+    apart_step: int = -1
 
     @property
     def concern(self) -> tuple[int, float, int]:
@@ -47,17 +55,34 @@ class Card:
 
 
 def strand_cards(run: RunData) -> list[Card]:
-    """Return one card for each strand, worst first; one that never held a step's closest self pair has no clearance."""
+    """Return one card for each strand, worst first; one that never held a step's closest pair has no clearance."""
     strands, of = run.results.strands, run.results.strands.strand_of_vertex
-    pairs, values = run.columns["clearance_self_pair"], run.columns["clearance_self"]
-    best = _best_by_key(of[pairs[:, 0, 0]], pairs, values)
+    # both classes of pairs of one strand, one below the other: row k is of step k % n_steps
+    pairs, values = (
+        np.concatenate([run.columns[f"clearance_{kind}{end}"] for kind in ("local", "self")]) for end in ("_pair", "")
+    )
+    best, apart = _best_by_key(of[pairs[:, 0, 0]], pairs, values), _apart(run)
     counts = _Counts.of(run)
     cards = []
     for s, name in enumerate(strands.names):
         size = int(strands.offsets[s + 1] - strands.offsets[s])
         kind = f"{'ring' if strands.closed[s] else 'open strand'} of {size} vertices"
-        cards.append(_card(run, name, kind, best.get(s, -1), pairs, values, counts.both(s, s, [name])))
+        card = _card(run, name, kind, best.get(s, -1), pairs, values, counts.both(s, s, [name]))
+        value, row = apart.get(s, (float("nan"), -1))
+        step = run.results.first_step + row if row >= 0 else -1
+        cards.append(replace(card, what="least clearance within the strand", apart=value, apart_step=step))
     return sorted(cards, key=lambda card: card.concern)
+
+
+def _apart(run: RunData) -> dict[int, tuple[float, int]]:
+    """Return for each strand the least clearance from another, and the row that holds it."""
+    pairs, values = run.columns["clearance_inter_pair"], run.columns["clearance_inter"]
+    ends = run.results.strands.strand_of_vertex[pairs[:, :, 0]]
+    found: dict[int, tuple[float, int]] = {}
+    for keys in ends.T:
+        for s, row in _best_by_key(keys, pairs, values).items():
+            found[s] = min(found.get(s, (np.inf, row)), (float(values[row]), row))
+    return found
 
 
 def pair_cards(run: RunData) -> list[Card]:
@@ -117,7 +142,7 @@ def _card(
 ) -> Card:
     if row < 0:
         return Card(title, kind, float("nan"), -1, "", *counts)
-    step, place = run.results.first_step + row, pair_in_words(run, pairs[row])
+    step, place = run.results.first_step + row % run.n_steps, pair_in_words(run, pairs[row])
     return Card(title, kind, float(values[row]), step, place, *counts)
 
 

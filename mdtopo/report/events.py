@@ -42,6 +42,11 @@ class Event:
         return "" if self.crossing is None else self.crossing.grade.name.lower()
 
     @property
+    def span(self) -> tuple[int, int]:
+        """The first frame of its first step and the last frame of its last one."""
+        return self.alert.frame_start, self.alert.frame_end
+
+    @property
     def about_curve(self) -> bool:
         """Whether it is about the smooth curve alone."""
         return self.alert.object is Shape.CURVE

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from mdtopo.records import CurveVerdict, Grade, Severity, StepState
+from mdtopo.records import CurveVerdict, Severity, StepState
 from mdtopo.records.headline import headline, state_meanings
-from mdtopo.report.cards import pair_cards, pair_in_words, strand_cards
+from mdtopo.report.answers import answers, unread_frames
+from mdtopo.report.cards import pair_cards, strand_cards
 from mdtopo.report.envelope import bin_starts, envelope, worst_states
 from mdtopo.report.events import Event, ranked_events, severity_word
 from mdtopo.report.heat import closest_places, heat_data, heat_map
@@ -79,7 +80,7 @@ def render_page(run: RunData, scenes: Mapping[str, Scene], *, no_views: str = ""
         "headline": headline(run.summary).split(": ", 1)[1],
         "verdict_shape": VERDICT_SHAPES[run.summary.verdict.value],
         "states": _state_rows(run),
-        "answers": _answers(run, events, advice),
+        "answers": answers(run, events, advice),
         "strand_cards": strand_cards(run),
         "pair_cards": pair_cards(run),
         "most_cards": MOST_CARDS,
@@ -177,74 +178,6 @@ def _state_rows(run: RunData) -> list[dict[str, Any]]:
     ]
 
 
-def _answers(run: RunData, events: list[Event], advice: IntervalAdvice | None) -> list[tuple[str, str, str]]:
-    """Return question, answer and the section that says more."""
-    return [
-        ("Did anything pass?", _passed(run), "alerts"),
-        ("How close was it?", _closeness(run), "time"),
-        ("Where should I look?", _worst(events), "alerts"),
-        ("Is the save interval good enough?", _interval_words(run, advice), "interval"),
-        ("What was not checked?", _unchecked(run), "unchecked"),
-    ]
-
-
-def _passed(run: RunData) -> str:
-    summary, counts = run.summary, run.summary.counts
-    if not counts.steps:
-        return "Unknown: a step needs two frames."
-    found = [f"{n} {grade.name.lower()}" for grade, n in sorted(summary.crossings.items(), reverse=True) if n]
-    broke = (
-        f" {summary.n_fractures} edge{'s' if summary.n_fractures != 1 else ''} broke." if summary.n_fractures else ""
-    )
-    if found:
-        only = not (summary.crossings[Grade.PROVEN] or summary.crossings[Grade.RESOLVED])
-        word = "Perhaps" if only else "Yes"
-        return f"{word}: crossings of straight paths in {counts.crossed} steps ({', '.join(found)}).{broke}"
-    if counts.unresolved:
-        return f"Not that we know, but {counts.unresolved} of {counts.steps} steps are undecided.{broke}"
-    return f"No: proved in all {counts.steps} steps, for straight paths between the frames.{broke}"
-
-
-def _closeness(run: RunData) -> str:
-    summary = run.summary
-    if summary.clearance_step < 0:
-        return "Not known: no step was proved."
-    row = run.row(summary.clearance_step)
-    pair = pair_in_words(run, run.columns["clearance_pair"][row])
-    between = f" between {pair}" if pair else ""
-    if summary.clearance == 0.0:
-        return f"Proved never to meet, but too close to say how far apart (step {summary.clearance_step}{between})."
-    return f"In proved steps at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{between})."
-
-
-def _worst(events: list[Event]) -> str:
-    shown = next((event for event in events if event.alert.severity is not Severity.INFO), None)
-    if shown is None:
-        return "Nowhere in particular: there is no warning."
-    alert = shown.alert
-    frames = f"frames {shown.frames[0]}–{shown.frames[1]}" if shown.frames else "the input"
-    return f"{shown.name.capitalize()} in {frames}, {', '.join(alert.residues) or 'no residue named'}."
-
-
-def _interval_words(run: RunData, advice: IntervalAdvice | None) -> str:
-    if advice is None:
-        return "Unknown: the trajectory holds no times."
-    return (
-        f"At {advice.spacing:.3g} ps, {percent(advice.now_by_ball)} of the steps are within the paper's bound, "
-        f"{percent(advice.now_by_pairs)} within the bound of pairs."
-    )
-
-
-def _unchecked(run: RunData) -> str:
-    words = ["What happened between the frames off the straight paths"]
-    words += [f"{len(run.results.strands.gaps)} gaps in strands"] if run.results.strands.gaps else []
-    words += [f"{run.summary.counts.unresolved} undecided steps"] if run.summary.counts.unresolved else []
-    if run.summary.curve is not None and run.summary.curve.unresolved:
-        n = run.summary.curve.unresolved
-        words.append(f"{n} step{'' if n == 1 else 's'} of the smooth curve undecided")
-    return f"{'; '.join(words)}."
-
-
 def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[str, Any]:
     atoms = sorted({vertex for edge in event.edges for vertex in edge})
     indices = run.results.strands.labels.atom_index[atoms].tolist() if atoms else []
@@ -261,7 +194,8 @@ def _event_row(run: RunData, event: Event, views: Mapping[str, View]) -> dict[st
         "grade": event.grade,
         "crossing": event.crossing,
         "frames": event.frames,
-        "times": event.times,
+        "span": event.span,
+        "is_longer": event.frames is not None and event.span != event.frames,
         "snippets": snippets(paths, event.frames, indices, options) if event.frames else {},
         "view": views.get(event.alert.id),
     }
@@ -289,6 +223,7 @@ def _coverage(run: RunData) -> dict[str, Any]:
         "first": int(columns["frame_t0"][0]) if run.n_steps else None,
         "last": int(columns["frame_t1"][-1]) if run.n_steps else None,
         "strides": np.unique(columns["frame_t1"] - columns["frame_t0"]).tolist()[:5],
+        "unread": unread_frames(run),
         "spacing": run.spacing,
         "n_strands": strands.n_strands,
         "n_rings": int(np.sum(strands.closed)),
@@ -330,10 +265,20 @@ def _data(
         "criterion": run.config.criterion,
         "near_limit": run.config.near_limit,
         "alerts": _markers(run, events, scale),
-        "curve_name": f"smooth curve ({'certified apart' if run.has_curve else 'drawn, not certified'})",
-        "scenes": {key: view.data for key, view in views.items()},
+        "curve_name": f"smooth curve ({'has a verdict of its own' if run.has_curve else 'drawn, not certified'})",
+        "scenes": {
+            event.alert.id: {**views[event.alert.id].data, "marked_strands": _marked_strands(run, event)}
+            for event in events
+            if event.alert.id in views
+        },
         "interval": _interval_data(advice),
     }
+
+
+def _marked_strands(run: RunData, event: Event) -> list[str]:
+    """Return the strand of each marked edge."""
+    strands = run.results.strands
+    return [strands.names[strands.strand_of_vertex[edge[0]]] for edge in event.edges]
 
 
 def _markers(run: RunData, events: list[Event], scale: float) -> list[dict[str, Any]]:

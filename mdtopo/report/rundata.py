@@ -37,6 +37,8 @@ NEEDED = (
     "nu_pair",
     "clearance",
     "clearance_pair",
+    "clearance_local",
+    "clearance_local_pair",
     "clearance_self",
     "clearance_self_pair",
     "clearance_inter",

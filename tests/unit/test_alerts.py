@@ -115,7 +115,7 @@ def test_a_step_is_near_limit_from_the_limit_on(
     config = MonitorConfig(criterion=criterion, near_limit=limit)  # type: ignore[arg-type]
     (alert,) = alerts_of(table(1, **{column: [near]}), config=config)
     assert (alert.kind, alert.severity, alert.value) == (AlertKind.NEAR_LIMIT, Severity.WARNING, near)
-    assert "possible strand fracture" in alert.message
+    assert "near the limit (a possible strand passage or fracture between the frames)" in alert.message
     assert alerts_of(table(1, **{column: [clear]}), config=config) == []
 
 

@@ -126,13 +126,20 @@ function timePlot(element) {
   });
 }
 
+// full numbers at 1, 2, 5 of every decade (few decades) or at the decades: plotly's own minor ticks are bare digits
+function logTicks(low, high) {
+  const digits = Math.log10(high / low) > 3 ? [1] : [1, 2, 5], values = [];
+  for (let k = Math.floor(Math.log10(low)); k <= Math.ceil(Math.log10(high)); k += 1) for (const d of digits) values.push(d * 10 ** k);
+  return { tickmode: "array", tickvals: values, ticktext: values.map((v) => String(Number(v.toPrecision(3)))) };
+}
+
 function intervalPlot(element) {
   const d = data.interval;
   const trace = (y, name, colour, dash) => ({ type: "scatter", mode: "lines", x: d.x, y, name, line: { color: colour, width: 2, dash },
     hovertemplate: "%{y:.1f} % at %{x:.3g} ps<extra>" + name + "</extra>" });
   Plotly.newPlot(element, [trace(d.pairs, "by pairs", "#009E73", "solid"), trace(d.ball, "by the paper's bound", "#CC79A7", "dash")],
     { font: FONT, margin: { l: 96, r: 16, t: 40, b: 48 }, legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom" },
-      xaxis: { title: { text: "spacing of the frames (ps)" }, type: "log", exponentformat: "power", gridcolor: "#eef0f3" },
+      xaxis: { title: { text: "spacing of the frames (ps)" }, type: "log", ...logTicks(d.x[0], d.x[d.x.length - 1]), gridcolor: "#eef0f3" },
       yaxis: { title: { text: "steps proved (%), estimate" }, range: [-3, 103], gridcolor: "#eef0f3", zeroline: false },
       shapes: [{ type: "line", x0: d.spacing, x1: d.spacing, yref: "paper", y0: 0, y1: 1, line: { color: "#1d2430", width: 1, dash: "dot" } }],
       annotations: [{ x: Math.log10(d.spacing), yref: "paper", y: 0.04, yanchor: "bottom", xanchor: "left", text: "this run", showarrow: false }] }, CONFIG);
@@ -285,7 +292,7 @@ function openView(view) {
     ...at(t0).map((s, k) => line3({ ...s, name: few ? plain(strands[k]) : "strands", line: { color: colour(k), width: 4 }, marker: { size: 2.5, color: colour(k) }, opacity: 0.75, showlegend: few })),
     line3({ ...smooth(t0), name: plain(data.curve_name), mode: "lines", line: { color: CURVE, width: 3 }, visible: curves.length > 0 }),
     ...moving(t0).map((s, k) => line3(k < d.marked.length
-      ? { ...s, name: d.marked.length === 2 ? `${k ? "second" : "first"} ${d.arcs ? "arc" : "edge"}` : d.arcs ? "arc" : "edge", mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
+      ? { ...s, name: `${d.marked.length === 2 ? (k ? "second " : "first ") : ""}${d.arcs ? "arc" : "edge"}${few ? "" : ` of ${plain(d.marked_strands[k])}`}`, mode: d.arcs ? "lines" : "lines+markers", line: { color: MARKS[k], width: 12 }, marker: { size: 5, color: MARKS[k] } }
       : { ...s, name: "distance", mode: "lines+markers", line: { color: "#000", width: 4 }, marker: { size: 4, color: "#000", symbol: "diamond" }, visible: d.marked.length === 2 })),
   ];
   const axis = () => ({ range: [-radius, radius], visible: false, showspikes: false });

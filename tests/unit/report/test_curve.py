@@ -68,7 +68,7 @@ def test_a_passage_of_the_curve_alone_is_counted_apart(make: Callable[..., tuple
     assert summary.verdict.value in ("WARN",)
     assert "No: proved in all 4 steps" in text
     assert {marker["lane"] for marker in data["alerts"] if marker["step"] == 2} >= {"curve"}
-    assert data["curve_name"] == "smooth curve (certified apart)"
+    assert data["curve_name"] == "smooth curve (has a verdict of its own)"
     run = RunData.of(out, found)
     (pair,) = pair_cards(run)
     assert (pair.n_crossings, pair.n_curve_crossings) == (0, 1)

@@ -18,8 +18,9 @@ from mdtopo import Strands, monitor, read_results
 from mdtopo.cli import main
 from mdtopo.errors import InputError, OutputError
 from mdtopo.pipeline import PartLength, StopRequest
-from mdtopo.records import AlertKind, MonitorConfig, StepState
+from mdtopo.records import AlertKind, MonitorConfig, StepState, Verdict
 from mdtopo.report import RunData, ranked_events, render_page
+from mdtopo.report.cards import strand_cards
 from mdtopo.report.envelope import MOST_BINS
 from mdtopo.report.scene import Piece
 from mdtopo.report.views import views_of
@@ -238,6 +239,60 @@ def test_an_incomplete_run_says_so(make: Callable[..., Path]) -> None:
     found = replace(read_results(results), complete=False, summary={"stopped": "frame 9 cannot be read"})
     text = render_page(RunData.of(results, found), {})
     assert "Incomplete: the run did not come to its end (frame 9 cannot be read)" in text
+    assert "the frames after frame 7 could not be read (" not in text.split("</dl>")[0]
+    assert "The frames after frame 7 could not be read (frame 9 cannot be read)" in text
+    assert "the frames after frame 7 could not be read: frame 9 cannot be read</td>" in text
+
+
+def answers_of(text: str) -> dict[str, str]:
+    return dict(re.findall(r"<dt><a [^>]*>(.*?)</a></dt><dd>(.*?)</dd>", text))
+
+
+def test_the_answers_of_an_incomplete_run_name_the_frames_that_nobody_saw(make: Callable[..., Path]) -> None:
+    results = make(bars(4), near_limit=1e3)  # ends before the crossing
+    whole = replace(read_results(results), alerts=())
+    assert (whole.steps["verdict"] == Verdict.CERTIFIED).all()
+    said = answers_of(render_page(RunData.of(results, whole), {}))
+    assert said["Did anything pass?"].startswith("No: proved in all 3 steps")
+    assert said["Where should I look?"] == "Nowhere in particular: there is no warning."
+    cut = replace(whole, complete=False, summary={"stopped": "frame 4 cannot be read"})
+    said = answers_of(render_page(RunData.of(results, cut), {}))
+    missing = "he frames after frame 3 could not be read"
+    assert said["Did anything pass?"].startswith("Not in the part that was read: proved in its 3 steps")
+    assert f"T{missing}" in said["Did anything pass?"]
+    assert f"t{missing}" in said["Where should I look?"]
+    assert said["What was not checked?"].startswith(f"T{missing}; ")
+
+
+def test_an_alert_is_headed_by_all_its_frames(make: Callable[..., Path]) -> None:
+    results = make(bars(4), near_limit=1e-3)
+    text = render_page(RunData.of(results, found := read_results(results)), {})
+    alert = next(alert for alert in found.alerts if alert.kind is AlertKind.NEAR_LIMIT)
+    assert (alert.frame_start, alert.frame_end) == (0, 3)
+    assert "frames 0–3, " in text
+    step = alert.step_peak
+    assert f"of its worst step {step}, frames {step}–{step + 1}." in text
+    assert f"in frames 0–3 (worst in {step}–{step + 1})" in answers_of(text)["Where should I look?"]
+
+
+def test_the_card_of_a_strand_counts_edges_with_one_edge_between_them(make: Callable[..., Path]) -> None:
+    """A strand whose ends come closer to one another than anything else of it, and another strand beside it."""
+    results = make(bars(3))
+    run = RunData.of(results, read_results(results))
+    columns = {name: column.copy() for name, column in run.columns.items()}
+    for kind, values in (("local", [0.9, 0.8, 0.7]), ("self", [1.0, 0.75, 1.0])):
+        columns[f"clearance_{kind}"][:] = values[: run.n_steps]
+        columns[f"clearance_{kind}_pair"][:] = [[0, 1], [1, 2]]
+    run = RunData.of(results, replace(run.results, steps=columns))
+    card = next(card for card in strand_cards(run) if card.title == "strand 1")
+    assert (card.clearance, card.step) == (0.75, 1)
+    columns["clearance_local"][0] = 0.5
+    card = next(card for card in strand_cards(run) if card.title == "strand 1")
+    assert (card.clearance, card.step) == (0.5, 0)
+    least = int(np.argmin(columns["clearance_inter"]))
+    assert (card.apart, card.apart_step) == (columns["clearance_inter"][least], least)
+    other = next(card for card in strand_cards(run) if card.title == "strand 2")
+    assert (other.apart, other.apart_step, other.step) == (card.apart, card.apart_step, -1)
 
 
 def test_a_run_that_has_not_ended_is_in_progress(
