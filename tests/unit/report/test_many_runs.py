@@ -35,6 +35,9 @@ def test_worst_first_with_links(runs: list[Path], tmp_path: Path, capsys: pytest
     links = re.findall(r'<a href="([^"]+)"', out.read_text())
     assert links == ["all-through.html", "all-quiet.html"]
     assert all((tmp_path / link).is_file() for link in links)
+    quiet = RunData.of(runs[0], read_results(runs[0])).summary.curve
+    assert quiet is not None
+    assert f"{quiet.certified} proved, {quiet.unresolved} unresolved, {quiet.crossed} crossed" in out.read_text()
     assert len(list(tmp_path.glob("*_mqc.json"))) == 6
     assert "2 runs; the overview is in" in capsys.readouterr().out
 
