@@ -51,6 +51,7 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
 def run(arguments: argparse.Namespace) -> Exit:
     """Print the shards."""
     from mdtopo.pipeline import open_input
+    from mdtopo.pipeline.tables import check_end, check_frames
 
     options = settled_options(arguments)
     inputs = [Path(arguments.topology), *(Path(part) for part in arguments.trajectory)]
@@ -60,10 +61,12 @@ def run(arguments: argparse.Namespace) -> Exit:
             *inputs, select=options["select"], reader=options["reader"], reader_options=options["reader_option"]
         ) as reader,
     ):
-        n_frames = reader.n_frames
+        n_frames, chosen = reader.n_frames, frame_slice(options["frames"])
+        check_frames(reader, chosen)
+        check_end(reader, chosen)
     if n_frames is None:
         title = " + ".join(map(str, inputs))
         raise InputError(f"{title} is a stream: nobody knows its number of frames, and it cannot be cut into shards.")
-    for frames in shard_frames(n_frames, frame_slice(options["frames"]), arguments.steps):
+    for frames in shard_frames(n_frames, chosen, arguments.steps):
         sys.stdout.write(f"{frames_text(frames)}\n")
     return Exit.DONE

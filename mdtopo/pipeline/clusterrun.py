@@ -21,7 +21,7 @@ from mdtopo.pipeline.preceding import after_shard
 from mdtopo.pipeline.run import PartLength, monitor
 from mdtopo.pipeline.shardtask import ShardOutcome, ShardTask, measure_shard
 from mdtopo.pipeline.stopping import StopRequest
-from mdtopo.pipeline.tables import ALL_FRAMES, check_frames, open_input, with_coordinate_error
+from mdtopo.pipeline.tables import ALL_FRAMES, check_end, check_frames, open_input, with_coordinate_error
 from mdtopo.pipeline.tally import Progress, Tally
 from mdtopo.records import MonitorConfig, RunSummary
 from mdtopo.records.shards import SHARD_STEPS, frames_text, shard_frames
@@ -117,6 +117,7 @@ def monitor_on_cluster(
             "reader_options": dict(reader_options or {}),
         }
         head = Head(opened.strands, config, collect_provenance(paths, argv=argv, threads=threads), request)
+        check_end(opened, frames)
         ranges = shard_frames(opened.n_frames, frames, shard_steps)
         bonds = BondState.intact(len(opened.strands.edges))
         if broken_from is not None:

@@ -200,6 +200,20 @@ def check_frames(reader: Reader, frames: slice) -> None:
         raise InputError(f"The frame range selects none of the {reader.n_frames} frames; they are counted from 0.")
 
 
+def check_end(reader: Reader, frames: slice) -> None:
+    """Refuse to cut a frame range into shards where the file ends early: the last shard would not know of it.
+
+    Raises
+    ------
+    TrajectoryError
+        If the range strides over the last frame, and that one cannot be read.
+    """
+    if reader.n_frames is not None and frames.step not in (None, 1):
+        last = range(reader.n_frames)[frames][-1]
+        for _ in reader.frames(last, frames.stop, frames.step):
+            pass
+
+
 def _planned(blocks: Iterator[FrameBlock], setting: Setting) -> Iterator[BlockPlan]:
     for block in blocks:
         plan, setting = plan_block(block, setting)

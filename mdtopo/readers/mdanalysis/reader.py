@@ -125,13 +125,18 @@ class MDAnalysisReader(Reader):
         Raises
         ------
         TrajectoryError
-            When a frame cannot be read, or the reader is closed.
+            When a frame cannot be read, or the reader is closed; after the frames, where the slice reaches to the end
+            of the file and steps over its last frame, which cannot be read because the file was cut off.
         """
         if self._is_closed:
             raise TrajectoryError(f"{self._opened.title} is closed; open it again.")
+        chosen = range(self.n_frames)[start:stop:step]
         with _Position(self._opened.universe.trajectory, self._opened.is_ours):
-            for index in range(self.n_frames)[start:stop:step]:
+            for index in chosen:
                 yield read_frame(self._opened, index, self._rows)
+            last = self.n_frames - 1
+            if chosen and chosen[-1] != last and _asks_for_end(chosen, stop, last):
+                read_frame(self._opened, last, self._rows)
 
     def current_frame(self) -> Frame:
         """Return the frame at which the trajectory stands, for those who iterate over it themselves."""
@@ -234,6 +239,20 @@ def read_frame(opened: Opened, index: int, atoms: slice | Indices) -> Frame:
             f"Frame {index} of {opened.title} cannot be read: {one_line(error).rstrip('.')}. "
             f"The file is damaged or cut off; read the frames before it with the frame range :{index}."
         ) from error
+
+
+def _asks_for_end(chosen: range, stop: int | None, last: int) -> bool:
+    """Return whether a slice would take frames behind the last one, if the file held more.
+
+    A stride can step over the frame within which a file was cut off. Where the slice ends with the file, or is counted
+    from its end, it asks for whatever is missing.
+    """
+    if chosen.step < 0:
+        return False
+    if stop is None or stop < 0:
+        return True
+    asked = range(chosen.start, stop, chosen.step)
+    return len(asked) > 0 and asked[-1] >= last
 
 
 def _frame(step: Any, trajectory: Any, atoms: slice | Indices) -> Frame:

@@ -86,6 +86,27 @@ class TestCutOff:
         with opened(MEMBRANE, path) as reader:
             assert len(list(reader.frames(None, N_FRAMES - 1))) == N_FRAMES - 1
 
+    @pytest.mark.parametrize("kind", ["xtc", "trr", "dcd", "xyz", "pdb"])
+    @pytest.mark.parametrize("stop", [None, -1, 9])
+    def test_a_stride_over_the_frame_of_the_cut_ends_with_the_error_too(self, cut, whole, kind, stop):
+        path = cut(kind, whole(kind).stat().st_size // (2 * N_FRAMES))
+        with opened(MEMBRANE, path) as reader:
+            frames = reader.frames(None, stop, 2)
+            assert [frame.index for frame in islice(frames, 2)] == [0, 2]
+            with pytest.raises(TrajectoryError, match="(?i)frame 3.*cut off"):
+                next(frames)
+
+    @pytest.mark.parametrize("kind", ["xtc", "dcd"])
+    def test_a_stride_that_ends_before_the_cut_is_read_to_its_end(self, cut, whole, kind):
+        path = cut(kind, whole(kind).stat().st_size // (2 * N_FRAMES))
+        with opened(MEMBRANE, path) as reader:
+            assert [frame.index for frame in reader.frames(None, 3, 2)] == [0, 2]
+
+    @pytest.mark.parametrize("kind", ["xtc", "trr", "dcd", "xyz", "ncdf"])
+    def test_a_stride_over_a_whole_file_is_read_to_its_end(self, whole, kind):
+        with opened(MEMBRANE, whole(kind)) as reader:
+            assert [frame.index for frame in reader.frames(None, None, 2)] == [0, 2]
+
     @pytest.mark.parametrize("kind", ["xtc", "trr", "dcd", "xyz", "ncdf"])
     def test_a_whole_file_is_read_to_its_end(self, whole, kind):
         with opened(MEMBRANE, whole(kind)) as reader:
