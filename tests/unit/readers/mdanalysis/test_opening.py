@@ -93,7 +93,7 @@ class TestCutOff:
         with opened(MEMBRANE, path) as reader:
             frames = reader.frames(None, stop, 2)
             assert [frame.index for frame in islice(frames, 2)] == [0, 2]
-            with pytest.raises(TrajectoryError, match="(?i)frame 3.*cut off"):
+            with pytest.raises(TrajectoryError, match=r"(?i)frame 3.*cut off"):
                 next(frames)
 
     @pytest.mark.parametrize("kind", ["xtc", "dcd"])
