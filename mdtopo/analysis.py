@@ -30,6 +30,9 @@ from mdtopo.readers import ReaderRequest, Source
 from mdtopo.readers.mdanalysis import MDAnalysisReader
 from mdtopo.records import Frame, MonitorConfig, StepTable
 
+SHOWN_COLUMNS = ("verdict", "clearance", "pair_ratio")
+"""Columns that the one line about the results names, of the many there are."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameGroup:
@@ -113,6 +116,16 @@ class IsotopyResults(Results):  # type: ignore[misc] # MDAnalysis has no py.type
     def to_dataframe(self) -> Any:
         """Return the step columns as a pandas DataFrame; see `mdtopo.notebook.steps_dataframe`."""
         return steps_dataframe(self._columns(), 0)
+
+    def __repr__(self) -> str:
+        """Return the run in one line: its columns are no help at a prompt."""
+        summary = self.get("summary")
+        if summary is None:  # a worker's, before the end
+            return f"<IsotopyResults: {', '.join(map(str, self))}>"
+        held = f"{summary.n_steps} steps, {len(self['alerts'])} alerts"
+        return f"<IsotopyResults: {summary.verdict.value}, {held}; a column for each of {', '.join(SHOWN_COLUMNS)}, …>"
+
+    __str__ = __repr__
 
     def _repr_html_(self) -> str:
         html: str = self["summary"]._repr_html_()
@@ -241,7 +254,7 @@ class IsotopyAnalysis(AnalysisBase):  # type: ignore[misc] # MDAnalysis has no p
         groups: Sequence[FrameGroup] = self.results.pop("groups", [])
         tables = list(self._in_order(groups))
         steps = StepTable.joined(tables)
-        stream, tally = AlertStream(self._reader.strands, self._config), Tally(self._config)
+        stream, tally = AlertStream(self._reader.strands, self._config), Tally(self._config, self._reader.strands)
         alerts = [*stream.opening(), *stream.after(steps), *stream.finish()]
         tally.add(steps)
         tally.alerts.update(alert.severity for alert in alerts)

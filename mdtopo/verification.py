@@ -1,6 +1,6 @@
 """Results against the referee: a sample of steps is worked out again from the trajectory, by slow code of its own."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,7 +114,12 @@ class Verification:
         return not self.differences and not any(check.differences for check in self.checks)
 
 
-def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None = None) -> Verification:
+def verify(
+    results: Path,
+    inputs: Sequence[Path] = (),
+    sampling: Sampling | None = None,
+    on_check: Callable[[int, int, int], None] | None = None,
+) -> Verification:
     """Return what the referee says of a sample of the steps of a results file.
 
     Parameters
@@ -124,6 +129,8 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
     inputs : sequence of Path
         Topology and trajectory, where they have moved; by default the stored paths.
     sampling : Sampling, optional
+    on_check : callable, optional
+        Called after each step with the number of steps checked, of all that will be, and of those that differ.
 
     Raises
     ------
@@ -142,8 +149,16 @@ def verify(results: Path, inputs: Sequence[Path] = (), sampling: Sampling | None
         notes.append("in progress: the run has not ended, and only its finished parts were looked at")
     chosen, left_out = chosen_steps(results, found, sampling)
     with open_again(results, found, paths) as reader:
-        checks = tuple(_checks(found, reader, chosen))
-    return Verification(len(found.steps["verdict"]), checks, left_out, tuple(file_differences(found)), tuple(notes))
+        checks: list[StepCheck] = []
+        differ = 0
+        for check in _checks(found, reader, chosen):
+            checks.append(check)
+            differ += bool(check.differences)
+            if on_check is not None:
+                on_check(len(checks), len(chosen), differ)
+    return Verification(
+        len(found.steps["verdict"]), tuple(checks), left_out, tuple(file_differences(found)), tuple(notes)
+    )
 
 
 def chosen_steps(results: Path, found: Results, sampling: Sampling) -> tuple[dict[int, str], int]:

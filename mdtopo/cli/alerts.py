@@ -116,6 +116,8 @@ def run(arguments: argparse.Namespace) -> Exit:
         sys.stdout.write(line)
     if form == "table":
         say(f"{len(chosen)} of {len(alerts)} alerts; near-limit means {_limit_in_words(config)}.")
+    elif not chosen:
+        say(f"no alerts match, of {len(alerts)}.")
     return Exit.DONE
 
 

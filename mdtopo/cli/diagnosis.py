@@ -1,7 +1,7 @@
 """What ``mdtopo doctor`` finds out: how an input is understood, and whether its frames are saved often enough."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -14,11 +14,14 @@ from mdtopo.measure import measure_block
 from mdtopo.pipeline import block_of, refuse_winding
 from mdtopo.planning import Setting, reference_samples
 from mdtopo.readers import Reader, installed_readers
-from mdtopo.records import Frame, MonitorConfig, Reason, ReferenceLengths, Rung, StepTable, Strands, Verdict
+from mdtopo.records import Frame, Grade, MonitorConfig, Reason, ReferenceLengths, Rung, StepTable, Strands, Verdict
 from mdtopo.typing import Cell
 
 SAMPLE_STEPS = 50
 """Steps that are measured: enough for a median, few enough to answer at once."""
+
+SAMPLE_PLACES = 5
+"""Places of a longer trajectory where they are measured, from its first to its last step: a run changes as it goes."""
 
 COMFORT = 0.8
 """Pair ratio below which the save interval is called good: the default of ``--near-limit``."""
@@ -62,7 +65,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What the first steps measure.
+    """What a sample of the steps measures.
 
     Attributes
     ----------
@@ -72,6 +75,10 @@ class Sample:
         Number of proved steps by the costliest rung that they needed.
     unresolved, bad_data : int
         Steps that are not decided, and those of them whose data are unusable.
+    crossed, undersampled : int
+        Steps with a crossing, and those of them whose crossings are all of the grade UNDERSAMPLED.
+    places : int
+        Runs of neighbouring steps that were measured, spread evenly over the trajectory; 1 is its beginning.
     nu_ratio, pair_ratio : tuple of float
         Median and greatest value; NaN where nothing was measured.
     least_interval : float
@@ -82,20 +89,27 @@ class Sample:
     rungs: dict[str, int]
     unresolved: int
     bad_data: int
+    crossed: int
+    undersampled: int
+    places: int
     nu_ratio: tuple[float, float]
     pair_ratio: tuple[float, float]
     least_interval: float
 
     @classmethod
-    def of(cls, table: StepTable) -> "Sample":
-        """Return the sample of a table."""
+    def of(cls, tables: Sequence[StepTable]) -> "Sample":
+        """Return the sample of the tables of all places."""
+        table = StepTable.joined(tables)
         certified = table.verdict == Verdict.CERTIFIED
         rungs = {rung.name: int((certified & (table.rung == rung)).sum()) for rung in Rung if rung is not Rung.OPEN}
         return cls(
             len(table),
             rungs,
-            int((~certified).sum()),
+            int((table.verdict == Verdict.UNRESOLVED).sum()),
             int((table.reason == Reason.BAD_DATA).sum()),
+            crossed := int((table.verdict == Verdict.CROSSING).sum()),
+            crossed - len(np.unique(table.crossings.step[table.crossings.grade != Grade.UNDERSAMPLED])),
+            len(tables),
             _median_and_greatest(table.nu_ratio),
             _median_and_greatest(table.pair_ratio),
             _least(table.certifiable_interval),
@@ -137,9 +151,9 @@ class Diagnosis:
     edge_median, edge_spread, edge_frames : float, float, int
         Lengths of all edges in the first frames, Å, and how many frames these are.
     sample : Sample or None
-        What the first steps measure; None where there is no step.
+        What a sample of the steps measures; None where there is no step.
     advice : str
-        Whether the frames are saved often enough, in one sentence.
+        Whether the frames of the sample are saved often enough, in a sentence or two.
     problems : tuple of str
         What ``mdtopo monitor`` would stop at.
     """
@@ -166,7 +180,7 @@ class Diagnosis:
 
 
 def diagnose(reader: Reader, inputs: str, frames: slice, config: MonitorConfig) -> Diagnosis:
-    """Return how an open input is understood, and what its first steps measure.
+    """Return how an open input is understood, and what a sample of its steps measures.
 
     What would stop a run is no error here: it is in `problems`, after everything that could still be found out.
     """
@@ -184,7 +198,9 @@ def diagnose(reader: Reader, inputs: str, frames: slice, config: MonitorConfig) 
     first, sample, problems = _first_frames(reader, frames, config.reference_frames)
     if first:
         found = _with_frames(found, reader, first, sample)
-        found, more = _with_steps(found, strands, first, sample, config)
+        places, more = _places(reader, frames, sample)
+        problems += [text for text in more if text not in problems]
+        found, more = _with_steps(found, strands, first, places, config)
         problems += more
     time_last, more = _last_time(reader)
     problems += [text for text in more if text not in problems]
@@ -216,6 +232,21 @@ def _read(reader: Reader, frames: slice, count: int) -> tuple[list[Frame], list[
     return taken, []
 
 
+def _places(reader: Reader, frames: slice, beginning: list[Frame]) -> tuple[list[list[Frame]], list[str]]:
+    """Return the frames of the sample place by place, and what could not be read; a short run is one place."""
+    every = range(reader.n_frames or 0)[frames]
+    if len(every) <= SAMPLE_STEPS + 1 or len(beginning) <= SAMPLE_STEPS:
+        return [beginning], []
+    length = SAMPLE_STEPS // SAMPLE_PLACES + 1
+    places, problems = [beginning[:length]], []
+    for start in np.linspace(0, len(every) - length, SAMPLE_PLACES).round().astype(int).tolist()[1:]:
+        chosen = every[start : start + length]
+        taken, more = _read(reader, slice(chosen[0], chosen[-1] + 1, every.step), length)
+        places.append(taken)
+        problems += more
+    return [place for place in places if len(place) > 1], problems
+
+
 def _with_frames(found: Diagnosis, reader: Reader, first: list[Frame], sample: list[Frame]) -> Diagnosis:
     reference = reference_lengths(reference_samples(first, reader.strands))
     spacings = np.diff([frame.time for frame in sample]) if len(sample) > 1 else np.array([math.nan])
@@ -232,19 +263,23 @@ def _with_frames(found: Diagnosis, reader: Reader, first: list[Frame], sample: l
 
 
 def _with_steps(
-    found: Diagnosis, strands: Strands, first: list[Frame], sample: list[Frame], config: MonitorConfig
+    found: Diagnosis, strands: Strands, first: list[Frame], places: list[list[Frame]], config: MonitorConfig
 ) -> tuple[Diagnosis, list[str]]:
     try:
         refuse_winding(first[0], strands)
     except InputError as error:
         return found, [str(error)]
-    if len(sample) < 2:
+    if not places or len(places[0]) < 2:
         return found, []
     reference: ReferenceLengths = reference_lengths(reference_samples(first, strands))
     announce_compilation()
-    block = block_of(sample, 0, periodic=first[0].cell is not None)
-    table, _ = measure_block(block, Setting.start(strands, replace(config, profile_steps=0, curve="none"), reference))
-    return replace(found, sample=Sample.of(table)), []
+    setting = Setting.start(strands, replace(config, profile_steps=0, curve="none"), reference)
+    tables, first_step = [], 0
+    for place in places:
+        block = block_of(place, first_step, periodic=first[0].cell is not None)
+        tables.append(measure_block(block, setting)[0])  # what broke between two places is not known
+        first_step += len(tables[-1])
+    return replace(found, sample=Sample.of(tables)), []
 
 
 def _last_time(reader: Reader) -> tuple[float, list[str]]:
@@ -273,23 +308,42 @@ def strand_groups(strands: Strands) -> Iterator[StrandGroup]:
 
 
 def advice(sample: Sample | None) -> str:
-    """Return in one sentence whether the frames are saved often enough, judged by the first steps (heuristic)."""
+    """Return whether the frames of a sample of the steps are saved often enough (heuristic)."""
     if sample is None:
         return "There is no step to judge by: a step needs two frames."
     ratio = sample.pair_ratio[1]
     if math.isnan(ratio):
         return "No step could be measured, so nothing can be said about the save interval."
-    undecided = sample.unresolved - sample.bad_data
-    if undecided:
+    undecided, shown = sample.unresolved - sample.bad_data, sample.crossed - sample.undersampled
+    if shown:
+        return (
+            f"Strands pass through each other, and that is proved at this spacing: {_steps_are(shown, sample)} crossed "
+            "(proven or resolved). That is not for want of frames; 'mdtopo monitor' says where and when."
+            + (f" {_too_coarse(undecided, sample)}" if undecided or sample.undersampled else "")
+        )
+    if undecided or sample.undersampled:
         return (
             "Strands pass through each other, or the frames are too far apart to tell: "
-            f"{undecided} of {sample.steps} steps {'is' if undecided == 1 else 'are'} not proved; {_closer(sample)}."
+            f"{_too_coarse(undecided, sample)[:-1]}; {_closer(sample)}."
         )
     if ratio >= COMFORT:
         return f"The save interval is just short enough: the greatest pair ratio is {ratio:.2f}; {_closer(sample)}."
     spare = math.floor(COMFORT / ratio) if ratio > 0.0 else 0
     more = f"; about {spare} times as long would still do" if spare >= 2 else ""
-    return f"The save interval is good: each of these steps that could be measured is proved{more}."
+    which = "each of these steps" if sample.places > 1 else f"each of the first {sample.steps} steps"
+    return f"The save interval is good in this sample: {which} that could be measured is proved{more}."
+
+
+def _steps_are(number: int, sample: Sample) -> str:
+    return f"{number} of {sample.steps} steps {'is' if number == 1 else 'are'}"
+
+
+def _too_coarse(undecided: int, sample: Sample) -> str:
+    """Return in a sentence how many steps leave a passage open, and why."""
+    parts = [f"{_steps_are(undecided, sample)} not decided"] if undecided else []
+    if sample.undersampled:
+        parts.append(f"{_steps_are(sample.undersampled, sample)} crossed, where a passage cannot be told from a detour")
+    return f"{' and '.join(parts)}."
 
 
 def _closer(sample: Sample) -> str:

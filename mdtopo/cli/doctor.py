@@ -34,8 +34,8 @@ RUNG_WORDS = {
 }
 
 DESCRIPTION = """\
-Show how an input is understood, before a long run: strands, gaps, box, times, edge lengths; and what the first 50 steps
-say of the save interval. Exit code 4 when 'mdtopo monitor' would stop.
+Show how an input is understood, before a long run: strands, gaps, box, times, edge lengths; and what 50 steps,
+spread over the trajectory, say of the save interval. Exit code 4 when 'mdtopo monitor' would stop.
 """
 
 
@@ -162,6 +162,8 @@ def _box(box: "Box | None") -> str:
 
 def _sample_title(sample: "Sample | None") -> str:
     steps = 0 if sample is None else sample.steps
+    if sample is not None and sample.places > 1:
+        return f"A sample: {steps} steps, at {sample.places} places spread evenly over the trajectory"
     return "The first step" if steps == 1 else f"The first {steps} steps"
 
 
@@ -172,6 +174,7 @@ def _sample_lines(sample: "Sample | None") -> Iterator[str]:
     rows = [(f"  {_share(n, sample)}", RUNG_WORDS[name]) for name, n in sample.rungs.items() if n]
     undecided = sample.unresolved - sample.bad_data
     rows += [(f"  {_share(undecided, sample)}", "not decided")] if undecided else []
+    rows += [(f"  {_share(sample.crossed, sample)}", _crossed_words(sample))] if sample.crossed else []
     rows += [(f"  {_share(sample.bad_data, sample)}", "not measured: unusable data")] if sample.bad_data else []
     yield from aligned(rows)
     yield "  how near the limit of 1:"
@@ -180,6 +183,13 @@ def _sample_lines(sample: "Sample | None") -> Iterator[str]:
         ("relative motion / distances of the worst pair (pair ratio)", sample.pair_ratio),
     ]
     yield from aligned([(f"  {name}", f"median {m:.3g}, greatest {g:.3g}") for name, (m, g) in ratios])
+
+
+def _crossed_words(sample: "Sample") -> str:
+    shown = sample.crossed - sample.undersampled
+    counts = [(shown, "proven or resolved"), (sample.undersampled, "undersampled")]
+    grades = ", ".join(f"{number} {word}" for number, word in counts if number)
+    return f"not proved: straight paths between the frames pass through each other (steps: {grades})"
 
 
 def _share(number: int, sample: "Sample") -> str:

@@ -188,23 +188,7 @@ def _summary(summary: "RunSummary", config: MonitorConfig, options: Mapping[str,
     results = str(summary.results) if summary.results is not None else ""
     alerts = "" if options["alerts"] in (None, "-") else str(options["alerts"])
     report = str(options["report"] or "") if summary.n_steps else ""
-    closest = _closest_pair(summary)
-    return summary_text(summary, config, closest=closest, alerts_at=alerts, results_at=results, report_at=report)
-
-
-def _closest_pair(summary: "RunSummary") -> str:
-    """Return the names of the two edges that came closest, from the results file."""
-    from mdtopo.store import read_results
-
-    if summary.results is None or summary.clearance_step < 0:
-        return ""
-    results = read_results(summary.results, columns=("clearance_pair",))
-    pair = results.steps["clearance_pair"][summary.clearance_step - results.first_step]
-    if (pair < 0).any():
-        return ""
-    strands = results.strands
-    first, second = (strands.labels.text(a) if a == b else strands.describe_edge((a, b)) for a, b in pair)
-    return f"{first} and {second}"
+    return summary_text(summary, config, alerts_at=alerts, results_at=results, report_at=report)
 
 
 def _refuse_same_file(inputs: list[Path], options: Mapping[str, Any]) -> None:

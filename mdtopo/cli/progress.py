@@ -87,7 +87,7 @@ class ProgressDisplay:
 def progress_text(progress: "Progress", rate: float, elapsed: float) -> str:
     """Return how far a run has come in one line, such as ``128/500 steps (26 %), 42 per s, 0:09 left, 2 alerts``."""
     speed = f"{rate:.3g} per s, " if rate > 0.0 else ""
-    alerts = "1 alert" if progress.alerts == 1 else f"{progress.alerts} alerts"
+    alerts = f"{progress.alerts} {progress.noun}{'' if progress.alerts == 1 else 's'}"
     if progress.total is None:
         return f"{progress.steps} steps, {speed}{_clock_text(elapsed)} so far, {alerts}"
     left = f"{_clock_text((progress.total - progress.steps) / rate)} left, " if rate > 0.0 else ""

@@ -30,7 +30,6 @@ def summary_text(
     summary: RunSummary,
     config: MonitorConfig,
     *,
-    closest: str = "",
     alerts_at: str = "",
     results_at: str = "",
     report_at: str = "",
@@ -43,13 +42,11 @@ def summary_text(
         What the run came to.
     config : MonitorConfig
         Says what counts as near the limit.
-    closest : str
-        Which pair is the closest, in words; empty where that is not known.
     alerts_at, results_at, report_at : str
         Where they were written; empty where they were not.
     """
     lines = [headline(summary), "", *_count_lines(summary, config), ""]
-    rows = [("closest pair", _closest(summary, closest)), ("alerts", _alerts(summary, alerts_at))]
+    rows = [("closest pair", _closest(summary)), ("alerts", _alerts(summary, alerts_at))]
     if summary.curve is not None:
         rows.insert(1, ("smooth curve", _curve(summary.curve, config)))
     if results_at:
@@ -69,10 +66,10 @@ def _count_lines(summary: RunSummary, config: MonitorConfig) -> Iterator[str]:
     yield from aligned([(name, f"{number:{width}d}  {meaning}") for name, number, meaning in table])
 
 
-def _closest(summary: RunSummary, closest: str) -> str:
+def _closest(summary: RunSummary) -> str:
     if not math.isfinite(summary.clearance):
         return "not known, no step was proved"
-    pair = f" between {closest}" if closest else ""
+    pair = f" between {summary.closest}" if summary.closest else ""
     if summary.clearance == 0.0:
         return f"proved never to meet, too close to say how far apart (step {summary.clearance_step}{pair})"
     return f"proved to stay at least {summary.clearance:.4g} Å apart (step {summary.clearance_step}{pair})"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from mdtopo.cli.exits import Exit
 from mdtopo.cli.options import VERBOSE, add_options, given_options, settled, whole_number
+from mdtopo.cli.progress import ProgressDisplay
 from mdtopo.cli.resultsfile import add_inputs, add_results_command
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ def _steps(text: str) -> tuple[int, ...]:
 def run(arguments: argparse.Namespace) -> Exit:
     """Check the sample, and print what came of it."""
     from mdtopo.cli.monitor import logging_to_stderr
+    from mdtopo.pipeline import Progress
     from mdtopo.verification import Sampling, verify
 
     sampling = Sampling(
@@ -111,8 +113,12 @@ def run(arguments: argparse.Namespace) -> Exit:
         most=arguments.max_steps,
     )
     verbose = settled((VERBOSE,), given_options(arguments, (VERBOSE,)))
-    with logging_to_stderr({**verbose, "quiet": True}):
-        found = verify(arguments.results, arguments.inputs, sampling)
+    with ProgressDisplay() as display, logging_to_stderr({**verbose, "quiet": True}, display):
+
+        def show(done: int, total: int, differ: int) -> None:
+            display.show(Progress(done, total, differ, "difference"))
+
+        found = verify(arguments.results, arguments.inputs, sampling, show)
     sys.stdout.write("\n".join(_lines(arguments.results, found, sampling)) + "\n")
     return Exit.DONE if found.agrees else Exit.DIFFERS
 

@@ -46,7 +46,7 @@ def assemble(
     OutputError
         If it cannot be written; nothing stays behind then.
     """
-    stream, tally = AlertStream(head.strands, head.config), Tally(head.config)
+    stream, tally = AlertStream(head.strands, head.config), Tally(head.config, head.strands)
     writer = head.writer(path, overwrite=overwrite, folder=folder)
 
     def say(alerts: Iterable[Alert]) -> None:

@@ -197,6 +197,7 @@ class _Run:
         if found is None:
             return False
         self._tally.config, self._started = MonitorConfig.from_mapping(found.config), look.started
+        self._tally.strands = found.strands
         self._stream = AlertStream(found.strands, self._config)
         self._say(self._stream.opening())
         return True

@@ -198,7 +198,7 @@ class _Job:
     bonds: BondState | None
 
     def run(self, *, ahead: bool) -> RunSummary:
-        tally, stream = Tally(self.config), AlertStream(self.reader.strands, self.config)
+        tally, stream = Tally(self.config, self.reader.strands), AlertStream(self.reader.strands, self.config)
         self._say(stream.opening(), tally, again=self._is_resumed)
         if self.output is not None:
             for table in self.output.tables():

@@ -16,31 +16,35 @@ from mdtopo.records import (
     Severity,
     StepCounts,
     StepTable,
+    Strands,
     Verdict,
     run_verdict,
 )
-from mdtopo.typing import Ratios
+from mdtopo.typing import Indices, Ratios
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a run has come: steps done, steps in all (None for a stream), alerts so far."""
+    """How far a run has come: steps done, steps in all (None for a stream), alerts so far, what these are called."""
 
     steps: int
     total: int | None
     alerts: int
+    noun: str = "alert"
 
 
 @dataclass(slots=True)
 class Tally:
-    """What a run has come to so far."""
+    """What a run has come to so far; with its strands it can name the closest pair."""
 
     config: MonitorConfig
+    strands: Strands | None = None
     counts: StepCounts = field(default_factory=StepCounts)
     crossings: Counter[Grade] = field(default_factory=Counter)
     n_fractures: int = 0
     alerts: Counter[Severity] = field(default_factory=Counter)
     clearance: tuple[float, int] = (np.nan, -1)
+    closest: str = ""
     ratio: tuple[float, int] = (np.nan, -1)
     curve: CurveCounts = field(default_factory=CurveCounts)
 
@@ -50,11 +54,18 @@ class Tally:
         self.crossings.update(Grade(grade) for grade in table.crossings.grade.tolist())
         self.n_fractures += len(table.broken)
         proved = np.where(table.verdict == Verdict.CERTIFIED, table.clearance, np.nan)
-        self.clearance = _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
+        before, self.clearance = self.clearance, _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
+        if self.clearance[1] != before[1]:
+            self.closest = self._in_words(table.clearance_pair[self.clearance[1] - table.first_step])
         self.curve += CurveCounts.of(
             table.curve_verdict, table.curve_depth, table.curve_clearance, table.curve_crossings, table.first_step
         )
         self.ratio = _extreme(self.ratio, table.pair_ratio, table.first_step, sign=1.0)
+
+    def _in_words(self, pair: Indices) -> str:
+        if self.strands is None or (pair < 0).any():
+            return ""
+        return self.strands.describe_pair(pair, "and")
 
     def summary(self, results: Path | None, stopped: str) -> RunSummary:
         """Return the summary of the run."""
@@ -75,6 +86,7 @@ class Tally:
             results,
             stopped,
             curve=None if self.config.curve == "none" else self.curve,
+            closest=self.closest,
         )
 
 

@@ -140,6 +140,7 @@ class _Watched:
         with self.opened() as reader:
             strands: Strands = reader.strands
             self.config = self.tally.config = with_coordinate_error(self.config, reader)
+        self.tally.strands = strands
         announce_compilation()
         first = self._frames[: self.config.reference_frames]
         refuse_winding(first[0], strands)

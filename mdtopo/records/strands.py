@@ -110,14 +110,7 @@ class Strands:
         lengths = np.diff(self.offsets)
         if len(self.offsets) < 2 or self.offsets[0] != 0:
             raise StrandError("Strand offsets must start at 0 and hold at least one strand.")
-        for strand, (length, closed) in enumerate(zip(lengths, self.closed, strict=True)):
-            least = CLOSED_MINIMUM if closed else OPEN_MINIMUM
-            if length < least:
-                kind = "closed" if closed else "open"
-                raise StrandError(
-                    f"Strand {self.names[strand]!r} has {_vertices(int(length))}; "
-                    f"a strand that is {kind} needs at least {least}. Select more atoms, or leave this strand out."
-                )
+        _refuse_short(lengths.tolist(), self.closed.tolist(), self.names)
 
     def __repr__(self) -> str:
         """Return the strands in one line: the labels of a million vertices are no help at a prompt."""
@@ -147,12 +140,18 @@ class Strands:
             Whether the strands are rings: one answer for all, or one for each.
         names : sequence of str, optional
             Names; ``strand 0``, ``strand 1``, … by default.
+
+        Raises
+        ------
+        StrandError
+            If there is no strand, or one has fewer than two vertices, or a ring fewer than three.
         """
         offsets = np.concatenate([[0], np.cumsum(np.asarray(lengths, dtype=np.int64))])
         n_strands = len(offsets) - 1
         rings = np.broadcast_to(np.asarray(closed, dtype=np.bool_), (n_strands,)).copy()
-        labels = VertexLabels.unknown(int(offsets[-1]))
         titles = tuple(names) if names is not None else tuple(f"strand {s}" for s in range(n_strands))
+        _refuse_short(np.diff(offsets).tolist(), rings.tolist(), titles)
+        labels = VertexLabels.unknown(int(offsets[-1]))
         return cls(offsets, rings, titles, labels)
 
     @property
@@ -185,10 +184,20 @@ class Strands:
         tail, head = (self.labels.text(int(v)) for v in edge)
         return f"{tail}-{head.split(':', 1)[-1]}"
 
-    def describe_pair(self, pair: Indices) -> str:
+    def describe_pair(self, pair: Indices, joined_by: str = "x") -> str:
         """Return a pair [[a, b], [c, d]] in words, such as ``A:GLY12-ALA13 x B:SER4-THR5``; [a, a] is a vertex."""
         first, second = (self.labels.text(a) if a == b else self.describe_edge((a, b)) for a, b in pair)
-        return f"{first} x {second}"
+        return f"{first} {joined_by} {second}"
+
+
+def _refuse_short(lengths: Sequence[int], closed: Sequence[bool], names: Sequence[str]) -> None:
+    for length, ring, name in zip(lengths, closed, names, strict=True):
+        least = CLOSED_MINIMUM if ring else OPEN_MINIMUM
+        if length < least:
+            raise StrandError(
+                f"Strand {name!r} has {_vertices(int(length))}; a strand that is {'closed' if ring else 'open'} needs "
+                f"at least {least}. Select more atoms, or leave this strand out."
+            )
 
 
 def _vertices(count: int) -> str:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum, StrEnum
 from html import escape
 from pathlib import Path
@@ -103,6 +103,9 @@ class RunSummary:
     curve : CurveCounts or None
         What was found of the smooth curve, which the verdict and the five counts are not about; None where it was not
         looked at.
+    closest : str
+        The two edges or vertices that hold the least clearance, in words; empty where that is not known. It is not
+        stored, because the step's columns hold it.
     """
 
     verdict: RunVerdict
@@ -118,6 +121,7 @@ class RunSummary:
     stopped: str = ""
     checkpoint: str = ""
     curve: CurveCounts | None = None
+    closest: str = field(default="", compare=False)
 
     @property
     def n_steps(self) -> int:

@@ -176,6 +176,14 @@ def test_results_hold_every_column_by_its_name(intact: MDAnalysis.Universe) -> N
     assert results.summary.n_steps == N_FRAMES - 1
 
 
+def test_results_are_one_line_at_a_prompt(intact: MDAnalysis.Universe) -> None:
+    results = IsotopyAnalysis(intact.atoms).run().results
+    line = f"<IsotopyResults: {results.summary.verdict.value}, {N_FRAMES - 1} steps, {len(results.alerts)} alerts;"
+    assert str(results) == repr(results)
+    assert str(results).startswith(line)
+    assert len(str(results)) < 120
+
+
 def test_no_step_is_no_proof(intact: MDAnalysis.Universe) -> None:
     results = IsotopyAnalysis(intact.atoms).run(start=4, stop=4).results
     assert len(results.clearance) == 0

@@ -55,6 +55,11 @@ def test_filters_narrow_and_combine(cli: Callable, results: Path) -> None:
     assert lines(cli("alerts", results, "--strand", "strand 0").out) == every
 
 
+def test_that_no_alert_passes_is_said(cli: Callable, results: Path) -> None:
+    outcome = cli("alerts", results, "--kind", "crossing")
+    assert (outcome.code, outcome.out, outcome.err) == (Exit.DONE, "", "mdtopo: no alerts match, of 4.\n")
+
+
 @pytest.mark.parametrize(("frames", "found"), [("0:7", 0), ("0:8", 1), ("8:", 1), ("9:", 0), (":", 1), ("7:8", 1)])
 def test_a_frame_range_keeps_alerts_that_meet_it(cli: Callable, results: Path, frames: str, found: int) -> None:
     kept = lines(cli("alerts", results, "--kind", "fracture", "--frames", frames).out)  # of the frames 7 and 8

@@ -15,7 +15,7 @@ from mdtopo.readers import Reader, ReaderRequest, Source
 from mdtopo.readers.arrays import ArraysReader
 from mdtopo.records import MonitorConfig
 
-GOOD = Sample(50, {"BALL": 50}, 0, 0, (0.2, 0.3), (0.1, 0.2), 5.0)
+GOOD = Sample(50, {"BALL": 50}, 0, 0, 0, 0, 5, (0.2, 0.3), (0.1, 0.2), 5.0)
 
 
 def findings(outcome: object) -> dict:
@@ -43,7 +43,7 @@ def test_json_and_text_say_the_same(cli: Callable, npz: Callable) -> None:
         "    100.0 %  no vertex moved half the least distance (the paper's ball)",
     ):
         assert f"\n{line}\n" in text
-    assert "The save interval is good" in text
+    assert "The save interval is good in this sample: each of the first 11 steps" in text
     assert "Problems" not in text
 
 
@@ -164,16 +164,43 @@ def test_a_box_has_lengths_and_angles() -> None:
     [
         (None, "There is no step"),
         (replace(GOOD, pair_ratio=(math.nan, math.nan)), "No step could be measured"),
-        (GOOD, "is good: each of these steps that could be measured is proved; about 4 times as long would still do."),
-        (replace(GOOD, pair_ratio=(0.3, 0.5)), "is good: each of these steps that could be measured is proved."),
+        (
+            GOOD,
+            "sample: each of these steps that could be measured is proved; about 4 times as long would still do.",
+        ),
+        (
+            replace(GOOD, pair_ratio=(0.3, 0.5)),
+            "is good in this sample: each of these steps that could be measured is proved.",
+        ),
         (replace(GOOD, pair_ratio=(0.3, 0.79)), "is good"),
         (replace(GOOD, pair_ratio=(0.3, 0.8)), "just short enough: the greatest pair ratio is 0.80"),
         (
             replace(GOOD, unresolved=3, bad_data=1, pair_ratio=(0.9, 3.0)),
-            "2 of 50 steps are not proved; save about 4 times as often.",
+            "2 of 50 steps are not decided; save about 4 times as often.",
         ),
         (replace(GOOD, unresolved=3, bad_data=3), "is good"),
+        (replace(GOOD, crossed=20), "20 of 50 steps are crossed (proven or resolved). That is not for want of frames"),
+        (replace(GOOD, crossed=1, unresolved=2), "says where and when. 2 of 50 steps are not decided."),
+        (
+            replace(GOOD, crossed=1, undersampled=1, pair_ratio=(0.9, 3.0)),
+            "1 of 50 steps is crossed, where a passage cannot be told from a detour; save about 4 times as often.",
+        ),
+        (replace(GOOD, places=1), "each of the first 50 steps"),
     ],
 )
 def test_advice(sample: Sample | None, words: str) -> None:
     assert words in advice(sample)
+
+
+def test_a_long_run_is_sampled_from_its_beginning_to_its_end() -> None:
+    """Only the last steps pass: the beginning alone would call the spacing good."""
+    strands = Strands.from_lengths([2, 2])
+    bars = np.array([[-5.0, 0, 0], [5, 0, 0], [0, -5, 3], [0, 5, 3]])
+    x = np.repeat(bars[np.newaxis], 400, axis=0)
+    x[-5:, 2:, 2] = -3.0
+    with ArraysReader.open(Source(object=x), ReaderRequest(strands=strands)) as reader:
+        found = diagnose(reader, "bars", slice(None), MonitorConfig())
+    assert found.sample is not None
+    assert (found.sample.steps, found.sample.places) == (50, 5)
+    assert (found.sample.crossed, found.sample.unresolved, found.sample.rungs["BALL"]) == (1, 0, 49)
+    assert "1 of 50 steps is crossed" in found.advice

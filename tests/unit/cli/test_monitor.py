@@ -28,6 +28,22 @@ def test_the_summary_goes_to_standard_output(cli: Callable, npz: Callable, tmp_p
     assert alerts.read_text() == ""
 
 
+def test_the_closest_pair_has_its_name_with_and_without_a_file(cli: Callable, npz: Callable, tmp_path: Path) -> None:
+    def closest(outcome: object) -> str:
+        (line,) = (line for line in f"{outcome.out}{outcome.err}".splitlines() if "  closest pair  " in line)
+        return line
+
+    path = npz()
+    wanted = closest(cli("monitor", path, "-o", tmp_path / "run.h5"))
+    assert " between " in wanted
+    assert closest(cli("monitor", path)) == wanted
+    assert closest(cli("watch", tmp_path / "run.h5")) == wanted
+    halves = tmp_path / "a.h5", tmp_path / "b.h5"
+    for half, frames in zip(halves, (":6", "5:"), strict=True):
+        cli("monitor", path, "--frames", frames, "-o", half, "-q")
+    assert closest(cli("merge", *halves, "-o", tmp_path / "both.h5")) == wanted
+
+
 def test_with_alerts_on_standard_output_the_summary_goes_to_standard_error(cli: Callable, npz: Callable) -> None:
     outcome = cli("monitor", npz(), "--alerts", "-", "--near-limit", 0)
     assert [json.loads(line)["kind"] for line in outcome.out.splitlines()] == ["near-limit"]

@@ -18,9 +18,13 @@ def summary(
     n_fractures: int = 0,
     clearance: float = 1.25,
     curve: CurveCounts | None = None,
+    closest: str = "",
 ) -> RunSummary:
     found = dict(zip(Grade, crossings, strict=True))
-    return RunSummary(verdict, counts, found, n_fractures, NONE, clearance, 7, 0.5, 8, Path("run.h5"), curve=curve)
+    path = Path("run.h5")
+    return RunSummary(
+        verdict, counts, found, n_fractures, NONE, clearance, 7, 0.5, 8, path, curve=curve, closest=closest
+    )
 
 
 @pytest.mark.parametrize(
@@ -61,8 +65,8 @@ def test_the_headline_says_what_the_verdict_means(run: RunSummary, words: str) -
 
 
 def test_the_five_counts_stand_under_their_sum() -> None:
-    run = summary(RunVerdict.FAIL, StepCounts(100, 20, 3, 4, 5), n_fractures=0)
-    text = summary_text(run, MonitorConfig(), closest="A:1-2 and B:3-4", alerts_at="a.jsonl", results_at="run.h5")
+    run = summary(RunVerdict.FAIL, StepCounts(100, 20, 3, 4, 5), n_fractures=0, closest="A:1-2 and B:3-4")
+    text = summary_text(run, MonitorConfig(), alerts_at="a.jsonl", results_at="run.h5")
     numbers = [int(line[20:].split()[0]) for line in text.splitlines()[2:8]]
     assert numbers == [132, 100, 20, 3, 4, 5]
     assert "at least 1.25 Å apart (step 7 between A:1-2 and B:3-4)" in text

@@ -36,6 +36,15 @@ def test_results_that_agree_exit_with_0(cli: Callable, results: Path) -> None:
     ]
 
 
+def test_how_far_it_has_come_is_said_on_standard_error(
+    cli: Callable, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mdtopo.cli.progress.LINE_SECONDS", 0.0)
+    said = cli("verify", results, "--nearest", 2, "--share", 0).err.splitlines()
+    assert [line.split(" steps")[0] for line in said] == ["mdtopo: 1/2", "mdtopo: 2/2"]
+    assert all(line.endswith(", 0 differences") for line in said)
+
+
 def test_results_that_were_tampered_with_exit_with_5_and_say_what_differs(cli: Callable, results: Path) -> None:
     tamper(results, "nu", 4, 1.5)
     outcome = cli("verify", results, "--share", 1)

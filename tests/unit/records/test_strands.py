@@ -1,0 +1,24 @@
+"""Strands of given lengths."""
+
+import pytest
+
+from mdtopo import InputError, Strands
+
+
+@pytest.mark.parametrize(
+    ("lengths", "closed", "words"),
+    [
+        ([0, -3], False, r"^Strand 'strand 0' has 0 vertices; a strand that is open needs at least 2\."),
+        ([4, -3], False, r"^Strand 'strand 1' has -3 vertices; a strand that is open needs at least 2\."),
+        ([4, 1], False, r"^Strand 'strand 1' has 1 vertex; "),
+        ([3, 2], True, r"^Strand 'strand 1' has 2 vertices; a strand that is closed needs at least 3\."),
+        ([], False, r"at least one strand"),
+    ],
+)
+def test_a_strand_that_is_too_short_is_refused_in_one_sentence(lengths: list[int], closed: bool, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Strands.from_lengths(lengths, closed=closed)
+
+
+def test_the_shortest_strands_are_taken() -> None:
+    assert Strands.from_lengths([2, 3], closed=[False, True]).n_vertices == 5
