@@ -199,7 +199,7 @@ def diagnose(reader: Reader, inputs: str, frames: slice, config: MonitorConfig) 
     if first:
         found = _with_frames(found, reader, first, sample)
         places, more = _places(reader, frames, sample)
-        problems += [text for text in more if text not in problems]
+        problems = list(dict.fromkeys([*problems, *more]))
         found, more = _with_steps(found, strands, first, places, config)
         problems += more
     time_last, more = _last_time(reader)

@@ -1,4 +1,4 @@
-"""What README.md shows of a real run is what a run prints."""
+"""What README.md and commands.md show of real runs is what these print."""
 
 import contextlib
 import io
@@ -13,11 +13,12 @@ import pytest
 import mdtopo
 
 README = Path(__file__).parents[3] / "README.md"
+COMMANDS = Path(mdtopo.__file__).parent / "docs" / "commands.md"
 
 
-def blocks(opening: str) -> list[str]:
-    """Return the contents of README's fenced blocks that open like this."""
-    return re.findall(rf"^```{opening}\n(.*?)^```$", README.read_text(), flags=re.MULTILINE | re.DOTALL)
+def blocks(opening: str, page: Path = README) -> list[str]:
+    """Return the contents of a page's fenced blocks that open like this."""
+    return re.findall(rf"^```{opening}\n(.*?)^```$", page.read_text(), flags=re.MULTILINE | re.DOTALL)
 
 
 @pytest.fixture
@@ -48,3 +49,19 @@ def test_the_example_with_a_configuration_runs() -> None:
     assert run.n_steps == 50
     assert run.counts.near_limit > 0
     assert run.closest in printed.getvalue()
+
+
+def test_the_commands_after_a_run_print_what_their_page_shows(
+    cli: Callable, shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first 500 steps are enough: what is shown is about the step where the rings come apart."""
+    monkeypatch.chdir(tmp_path)
+    inputs = shared_data / "rings" / "hopf.data", shared_data / "rings" / "pair_hopf_fine.dcd"
+    cli("monitor", *inputs, "--frames", ":501", "-o", "pair_hopf.h5", "-q")
+    shown = [block for block in blocks("", COMMANDS) if block.startswith("$ mdtopo")]
+    assert [block.split()[2] for block in shown] == ["alerts", "explain"]
+    for block in shown:
+        command, *lines = block.splitlines()
+        outcome = cli(*command.split("|")[0].split()[2:])
+        printed = [line.split() for line in outcome.out.splitlines()]  # columns are as wide as the whole run's rows
+        assert [line for line in lines if line and line.split() not in printed] == []
