@@ -145,26 +145,25 @@ def _read(arguments: argparse.Namespace) -> "tuple[list[Alert], Strands, Monitor
 
     given = {knob: getattr(arguments, knob) for knob in ("criterion", "near_limit") if hasattr(arguments, knob)}
     try:
-        MonitorConfig.from_mapping(given)
+        MonitorConfig.check_each(given)
     except OptionError as error:
         arguments.parser.error(str(error))
     results = read_so_far(arguments.results, columns=())
     say_if_unfinished(arguments.results, results)
     stored = MonitorConfig.from_mapping(results.config)
-    config = replace(stored, **given)
     if not given:
-        return list(results.alerts), results.strands, config
-    if "near_limit" not in given and "clearance" in {stored.criterion, config.criterion} and config != stored:
-        units = "in Å" if config.criterion == "clearance" else "a ratio"
+        return list(results.alerts), results.strands, stored
+    criterion = given.get("criterion", stored.criterion)
+    if "near_limit" not in given and criterion != stored.criterion and "clearance" in {stored.criterion, criterion}:
+        units = "in Å" if criterion == "clearance" else "a ratio"
         arguments.parser.error(
             f"the stored limit {stored.near_limit:g} is for the criterion {stored.criterion}; pass --near-limit, "
-            f"which is {units} for {config.criterion}"
+            f"which is {units} for {criterion}"
         )
-    if config.criterion == "pair" and given.get("near_limit", 0.0) > 1.0:
-        arguments.parser.error(
-            f"a pair ratio of 1 is the limit itself, so --near-limit {given['near_limit']:g} would leave out steps at "
-            "the limit; give at most 1, or --criterion clearance with a length in Å"
-        )
+    try:
+        config = replace(stored, **given)
+    except OptionError as error:
+        arguments.parser.error(str(error))
     results = read_so_far(arguments.results, columns=needed_columns(config))
     return rethresholded(results, config), results.strands, config
 

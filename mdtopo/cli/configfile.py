@@ -95,7 +95,7 @@ def _check(path: Path, option: Option, value: object) -> None:
 
 def _check_ranges(path: Path, named: dict[str, Any]) -> None:
     try:
-        MonitorConfig.from_mapping(knobs_of(named))
+        MonitorConfig.check_each(knobs_of(named))  # the command line may still change what they come to together
     except OptionError as error:
         raise OptionError(f"In the configuration file {path}, {error}") from error
 

@@ -78,11 +78,16 @@ def settled_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return a value for every option of the job, from its default, the configuration file and the command line."""
     given = given_options(arguments, MONITOR_OPTIONS)
     try:
-        MonitorConfig.from_mapping(knobs_of(given))
+        MonitorConfig.check_each(knobs_of(given))
     except OptionError as error:
         arguments.parser.error(str(error))
     stored = read_config(arguments.config) if arguments.config is not None else {}
-    return settled(MONITOR_OPTIONS, stored, given)
+    options = settled(MONITOR_OPTIONS, stored, given)
+    try:
+        MonitorConfig.from_mapping(knobs_of(options))
+    except OptionError as error:
+        arguments.parser.error(str(error))
+    return options
 
 
 def run(arguments: argparse.Namespace) -> Exit:

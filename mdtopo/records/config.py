@@ -22,7 +22,7 @@ class MonitorConfig:
     Raises
     ------
     OptionError
-        If a value is out of its range.
+        If a value is out of its range, or two of them contradict each other.
 
     Examples
     --------
@@ -90,12 +90,41 @@ class MonitorConfig:
     block_steps: int = _knob(64, "steps that are read and measured together", least=1)
 
     def __post_init__(self) -> None:
+        self.check_each(self.to_mapping())
+        self._check_together()
+
+    def _check_together(self) -> None:
+        limit = self.near_limit
+        if self.criterion != "clearance" and limit == 0.0:
+            raise OptionError(
+                "near_limit is 0: every ratio is at least 0, so every step would be near the limit; give more than 0."
+            )
+        if self.criterion == "pair" and limit > 1.0:
+            raise OptionError(
+                f"near_limit is {limit:g}: a pair ratio of 1 is the limit itself, so this would leave out steps at the "
+                "limit; give at most 1, or the criterion clearance with a length in Å."
+            )
+        if self.fracture_limit < self.stretch_limit:
+            raise OptionError(
+                f"fracture_limit is {self.fracture_limit:g} and stretch_limit {self.stretch_limit:g}: an edge would "
+                "be broken before it is stretched; give a fracture_limit that is not below the stretch_limit."
+            )
+
+    @classmethod
+    def check_each(cls, values: JsonObject) -> None:
+        """Refuse a value that is out of range whatever the other knobs are; some may be given and others not yet.
+
+        Raises
+        ------
+        OptionError
+            If a value is out of its range.
+        """
         for name, allowed in (("motion", Motion), ("criterion", Criterion), ("curve", CurveChoice)):
-            if getattr(self, name) not in get_args(allowed):
+            if name in values and values[name] not in get_args(allowed):
                 choices = ", ".join(get_args(allowed))
-                raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of: {choices}.")
-        for knob in fields(self):
-            least, value = knob.metadata["least"], getattr(self, knob.name)
+                raise OptionError(f"{name} is {values[name]!r}; it must be one of: {choices}.")
+        for knob in fields(cls):
+            least, value = knob.metadata["least"], values.get(knob.name)
             if least is not None and value is not None and not value >= least:
                 raise OptionError(f"{knob.name} is {value}; it must be at least {least:g}.")
 

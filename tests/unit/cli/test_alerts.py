@@ -84,7 +84,7 @@ def test_another_limit_draws_the_near_limit_alerts_anew(cli: Callable, npz: Call
 def test_a_pair_ratio_beyond_the_limit_is_not_near_it(cli: Callable, results: Path, words: list[str]) -> None:
     outcome = cli("alerts", results, "--strand", "strand 0", *words)
     assert (outcome.code, outcome.out) == (Exit.USAGE, "")
-    assert f"so --near-limit {words[-1]} would leave out steps at the limit; give at most 1, or" in outcome.err
+    assert f"near_limit is {words[-1]}: a pair ratio of 1 is the limit itself" in outcome.err
     assert cli("alerts", results, "--near-limit", "1").code == Exit.DONE
     assert cli("alerts", results, "--near-limit", "3", "--criterion", "clearance").code == Exit.DONE
 

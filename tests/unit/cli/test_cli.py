@@ -69,6 +69,10 @@ def test_version(cli: Callable) -> None:
         ["monitor", "a.npz", "--motion", "sideways"],
         ["monitor", "a.npz", "--near-limit", "far"],
         ["monitor", "a.npz", "--near-limit", "-1"],
+        ["monitor", "a.npz", "--near-limit", "3"],
+        ["monitor", "a.npz", "--near-limit", "0"],
+        ["monitor", "a.npz", "--criterion", "nu", "--near-limit", "0"],
+        ["monitor", "a.npz", "--stretch-limit", "3", "--fracture-limit", "1.1"],
         ["monitor", "a.npz", "--threads", "0"],
         ["monitor", "a.npz", "--frames", "3"],
         ["monitor", "a.npz", "--frames", "::-1"],
@@ -139,7 +143,7 @@ def test_an_interrupt_exits_with_130_and_keeps_what_was_measured(
 
 
 def test_a_reader_that_goes_away_ends_the_command_quietly(npz: Callable) -> None:
-    program = f"{sys.executable} -m mdtopo monitor {npz()} -q --alerts - --near-limit 0; echo $? >&2"
+    program = f"{sys.executable} -m mdtopo monitor {npz()} -q --alerts - --near-limit 1e-9; echo $? >&2"
     ended = subprocess.run(
         ["bash", "-c", f"({program}) | true"], capture_output=True, text=True, check=False, timeout=120
     )

@@ -34,7 +34,7 @@ def test_an_empty_file_changes_nothing(toml: Callable) -> None:
 
 
 def test_the_command_line_wins_over_the_file(cli: Callable, toml: Callable, npz: Callable, tmp_path: Path) -> None:
-    path = toml(f"out = '{tmp_path / 'file.h5'}'\nquiet = true\nfail-on = 'info'\nnear_limit = 0.0\n")
+    path = toml(f"out = '{tmp_path / 'file.h5'}'\nquiet = true\nfail-on = 'info'\nnear_limit = 1e-9\n")
     outcome = cli("monitor", npz(), "--config", path)
     assert (outcome.code, outcome.out) == (Exit.ALERTS, "")
     outcome = cli("monitor", npz(), "--config", path, "--out", tmp_path / "line.h5", "--no-quiet", "--fail-on", "never")

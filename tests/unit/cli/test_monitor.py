@@ -45,7 +45,7 @@ def test_the_closest_pair_has_its_name_with_and_without_a_file(cli: Callable, np
 
 
 def test_with_alerts_on_standard_output_the_summary_goes_to_standard_error(cli: Callable, npz: Callable) -> None:
-    outcome = cli("monitor", npz(), "--alerts", "-", "--near-limit", 0)
+    outcome = cli("monitor", npz(), "--alerts", "-", "--near-limit", 1e-9)
     assert [json.loads(line)["kind"] for line in outcome.out.splitlines()] == ["near-limit"]
     assert "WARN: every step is proved, but" in outcome.err
 
@@ -67,7 +67,7 @@ def test_notes_are_said_on_standard_error(cli: Callable, npz: Callable) -> None:
     [("never", Exit.DONE), ("critical", Exit.DONE), ("warning", Exit.ALERTS), ("info", Exit.ALERTS)],
 )
 def test_alerts_of_a_severity_or_above_exit_with_3(cli: Callable, npz: Callable, level: str, code: Exit) -> None:
-    assert cli("monitor", npz(), "--near-limit", 0, "--fail-on", level).code == code
+    assert cli("monitor", npz(), "--near-limit", 1e-9, "--fail-on", level).code == code
 
 
 def test_without_alerts_nothing_fails(cli: Callable, npz: Callable) -> None:

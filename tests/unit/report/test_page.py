@@ -249,7 +249,7 @@ def answers_of(text: str) -> dict[str, str]:
 
 
 def test_the_answers_of_an_incomplete_run_name_the_frames_that_nobody_saw(make: Callable[..., Path]) -> None:
-    results = make(bars(4), near_limit=1e3)  # ends before the crossing
+    results = make(bars(4), criterion="nu", near_limit=1e3)  # ends before the crossing
     whole = replace(read_results(results), alerts=())
     assert (whole.steps["verdict"] == Verdict.CERTIFIED).all()
     said = answers_of(render_page(RunData.of(results, whole), {}))
