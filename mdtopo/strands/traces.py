@@ -115,7 +115,7 @@ def _with_ends(
     first_rows = [row for row in rows if table.residue_kind[row] != PROTEIN]
     return list(chains), [
         f"The ends of the strand from {table.label(row)} on are as near as neighbours; "
-        "if it is a ring, pass close_ends=yes."
+        "if it is a ring, pass --reader-option close_ends=yes."
         for row in first_rows
     ]
 

@@ -15,7 +15,7 @@ from mdtopo.errors import (
 )
 from mdtopo.readers.base import Source
 from mdtopo.readers.mdanalysis.calls import mdanalysis_call, one_line
-from mdtopo.readers.mdanalysis.extensions import COMPRESSIONS
+from mdtopo.readers.mdanalysis.extensions import COMPRESSIONS, FRAMES_ONLY, NAMING_ATOMS, extension
 from mdtopo.readers.mdanalysis.options import Options
 from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xyz_lines
 
@@ -83,11 +83,14 @@ def open_files(source: Source, options: Options) -> Opened:
     TrajectoryError
         If a trajectory cannot be read, is empty, or has another number of atoms than the topology.
     InputError
-        If the topology cannot be read, or holds no coordinates and no trajectory was given.
+        If the topology cannot be read, or holds no coordinates and no trajectory was given, or if topology and
+        trajectory seem to be swapped.
     """
     topology, parts = source.paths[0], source.paths[1:]
     for path in source.paths:
         _refuse_unusable(path)
+    if options.topology_format is None and options.format is None:
+        _refuse_swapped(topology, parts)
     _refuse_unknown(topology, options.topology_format, is_topology=True)
     for path in parts:
         _refuse_unknown(path, options.format, is_topology=False)
@@ -110,6 +113,15 @@ def _refuse_unusable(path: Path) -> None:
         raise MissingFileError(f"{path} does not exist.")
     if path.is_file() and path.stat().st_size == 0:
         raise TrajectoryError(f"{path} is empty.")
+
+
+def _refuse_swapped(topology: Path, parts: Sequence[Path]) -> None:
+    for path in parts:
+        if extension(topology) in FRAMES_ONLY and extension(path) in NAMING_ATOMS:
+            raise InputError(
+                f"{topology} stands for the topology, but holds frames only, and {path} for the trajectory, but names "
+                "atoms: are the two files swapped? The topology comes first."
+            )
 
 
 def _refuse_unknown(path: Path, name: str | None, *, is_topology: bool) -> None:
@@ -247,11 +259,11 @@ def _unit_notes(topology: Path, parts: Sequence[Path], options: Options) -> tupl
     if "DCD" in formats and options.dt is None:
         notes.append(
             "A DCD of LAMMPS does not say its units: lengths are taken as stored, and times mean nothing; "
-            "pass dt, or format=LAMMPS with timeunit."
+            "pass --reader-option dt=..., or format=LAMMPS and timeunit=... likewise."
         )
     if formats & {"XTC", "TRR"} and options.convert_units:
         notes.append(
             "An XTC or TRR file counts in nm: lengths are ten times those of the LAMMPS model, "
-            "unless convert_units=no is passed."
+            "unless --reader-option convert_units=no is passed."
         )
     return tuple(notes)

@@ -85,7 +85,8 @@ class Options:
     def _checked(self) -> "Options":
         if (self.lengthunit or self.timeunit) and (self.format or "").upper() != "LAMMPS":
             raise OptionError(
-                "The options lengthunit and timeunit concern LAMMPS DCD files only; pass format=LAMMPS too."
+                "The options lengthunit and timeunit concern LAMMPS DCD files only; "
+                "pass --reader-option format=LAMMPS too."
             )
         return self
 

@@ -95,7 +95,7 @@ class MDAnalysisReader(Reader):
         if first.cell is None:
             notes.append("There is no periodic box in the first frame.")
         if math.isnan(first.time) and opened.n_frames > 1:
-            notes.append("The trajectory holds no times; pass dt, the time between frames in ps.")
+            notes.append("The trajectory holds no times; pass --reader-option dt=..., the time between frames in ps.")
         indices = group.ix[traces.order].astype(np.int64)
         return cls(opened, indices, traces, error, [*opened.notes, *notes, *traces.notes])
 

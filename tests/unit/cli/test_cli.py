@@ -55,6 +55,13 @@ def test_help_names_every_command_and_every_exit_code(cli: Callable) -> None:
         assert f"\n  {code.value} " in text
 
 
+def test_an_unknown_option_is_said_with_the_usage_of_its_command(cli: Callable) -> None:
+    outcome = cli("monitor", "a.npz", "--no-such-option")
+    assert outcome.code == Exit.USAGE
+    assert outcome.err.startswith("usage: mdtopo monitor [options] TOPOLOGY")
+    assert "unrecognized arguments: --no-such-option" in outcome.err
+
+
 def test_version(cli: Callable) -> None:
     assert cli("--version").out == f"mdtopo {mdtopo.__version__}\n"
 

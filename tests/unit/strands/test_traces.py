@@ -164,7 +164,7 @@ def test_ends_that_meet_are_noted_where_nothing_says_that_they_close():
     assert not traces.strands.closed.any()
     assert traces.notes == (
         "The ends of the strand from C4' of DA1 (atom 0) on are as near as neighbours; "
-        "if it is a ring, pass close_ends=yes.",
+        "if it is a ring, pass --reader-option close_ends=yes.",
     )
 
 

@@ -145,6 +145,14 @@ class TestCutOff:
                 next(frames)
 
 
+class TestSwapped:
+    @pytest.mark.parametrize("kind", ["xtc", "trr", "dcd"])
+    def test_frames_for_the_topology_and_atoms_for_the_trajectory_are_refused(self, whole, kind):
+        with pytest.raises(InputError, match="are the two files swapped") as error:
+            opened(whole(kind), MEMBRANE)
+        assert str(whole(kind)) in one_sentence(error)
+
+
 class TestMismatch:
     @pytest.mark.parametrize("kind", ["xtc", "trr", "dcd", "xyz", "pdb", "ncdf", "gro"])
     def test_both_numbers_of_atoms_are_named(self, whole, kind):

@@ -44,7 +44,7 @@ def test_an_unknown_name_is_refused_with_those_that_exist():
 
 @pytest.mark.parametrize("name", ["lengthunit", "timeunit"])
 def test_units_without_the_lammps_format_would_do_nothing_and_are_refused(name):
-    with pytest.raises(OptionError, match="pass format=LAMMPS too"):
+    with pytest.raises(OptionError, match="pass --reader-option format=LAMMPS too"):
         Options.from_mapping({name: "nm"})
     assert Options.from_mapping({name: "nm", "format": "lammps"}).chosen(name) == {name: "nm"}
 
