@@ -237,7 +237,9 @@ class TestTimesAndCells:
     def test_a_file_without_times_has_none(self, tmp_path):
         reader = opened(MEMBRANE, write(tmp_path / "run.xyz", wandering(2, 45)))
         assert [frame.time for frame in reader.frames()] == pytest.approx([np.nan] * 2, nan_ok=True)
-        assert "The trajectory holds no times; pass --reader-option dt=..., the time between frames in ps." in reader.notes
+        assert (
+            "The trajectory holds no times; pass --reader-option dt=..., the time between frames in ps." in reader.notes
+        )
 
     def test_dt_gives_it_times(self, tmp_path):
         reader = opened(MEMBRANE, write(tmp_path / "run.xyz", wandering(2, 45)), dt="5", time_offset="100")
