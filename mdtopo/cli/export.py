@@ -24,6 +24,11 @@ that was certified. --what curve writes the smooth curve as a polyline that stay
 which frames this is proved to be isotopic to the curve. The trajectory is read again.
 """
 
+FORMATS = ("vtkhdf", "pdb", "xyz")
+
+EXTENSIONS = {".vtkhdf": "vtkhdf", ".hdf": "vtkhdf", ".pdb": "pdb", ".ent": "pdb", ".xyz": "xyz"}
+"""Which format the extension of a file means."""
+
 CURVES = ("interpolating", "bspline", "catmull-rom", "bezier", "bezier-through")
 
 TOLERANCE = 0.1
@@ -56,10 +61,11 @@ def add_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") 
     parser.add_argument(
         "--what",
         choices=("polyline", "curve", "event"),
-        required=True,
-        help="strands or their smooth curve in all frames, or an event",
+        help="strands or their smooth curve in all frames, or an event (default: polyline, or event with --step)",
     )
-    parser.add_argument("--format", choices=("vtkhdf", "pdb", "xyz"), required=True, help="format of the file")
+    parser.add_argument(
+        "--format", choices=FORMATS, help="format of the file (default: what the extension of --out says)"
+    )
     parser.add_argument(
         "--frames", metavar="START:STOP:STEP", type=_frames, help="of the analysed frames, in their order"
     )
@@ -103,6 +109,8 @@ def _frames(text: str) -> slice:
 
 def run(arguments: argparse.Namespace) -> Exit:
     """Write the file."""
+    _settle_what(arguments)
+    _settle_format(arguments)
     _refuse_odd_words(arguments)
     from mdtopo.reopening import input_files, open_again
     from mdtopo.store import read_so_far
@@ -118,6 +126,27 @@ def run(arguments: argparse.Namespace) -> Exit:
         told = _write(arguments, job, reader, frames)
     sys.stdout.write(f"{arguments.out}: {told}\n")
     return Exit.DONE
+
+
+def _settle_what(arguments: argparse.Namespace) -> None:
+    if arguments.what is None:
+        arguments.what = "polyline" if arguments.step is None else "event"
+
+
+def _settle_format(arguments: argparse.Namespace) -> None:
+    """Take the format from the extension where none is given, and refuse one that the extension contradicts."""
+    meant = EXTENSIONS.get(arguments.out.suffix.lower())
+    if arguments.format is None and meant is None:
+        arguments.parser.error(
+            f"the extension of {arguments.out} names no format; give --format with one of: {', '.join(FORMATS)}"
+        )
+    if arguments.format is None:
+        arguments.format = meant
+    elif meant not in (None, arguments.format):
+        arguments.parser.error(
+            f"--format {arguments.format} contradicts {arguments.out}, whose extension means {meant}; leave out "
+            "--format, or choose another name"
+        )
 
 
 def _refuse_odd_words(arguments: argparse.Namespace) -> None:

@@ -116,7 +116,8 @@ def monitor_on_cluster(
             "reader": reader,
             "reader_options": dict(reader_options or {}),
         }
-        head = Head(opened.strands, config, collect_provenance(paths, argv=argv, threads=threads), request)
+        origin = collect_provenance(paths, argv=argv, threads=threads)
+        head = Head(opened.strands, config, replace(origin, notes=tuple(opened.notes)), request)
         check_end(opened, frames)
         ranges = shard_frames(opened.n_frames, frames, shard_steps)
         bonds = BondState.intact(len(opened.strands.edges))

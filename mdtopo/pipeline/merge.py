@@ -100,6 +100,7 @@ def _head(ordered: Sequence[Shard], argv: Sequence[str]) -> Head:
     origin: Provenance = replace(
         now,
         inputs=tuple(InputFile(**entry) for entry in first.provenance["inputs"]),
+        notes=tuple(first.provenance.get("notes", ())),
         started=min(shard.results.provenance["started"] for shard in ordered),
     )
     return Head(first.strands, MonitorConfig.from_mapping(first.config), origin, request)

@@ -150,7 +150,8 @@ def monitor(
             "reader": reader,
             "reader_options": dict(reader_options or {}),
         }
-        head = Head(opened.strands, config, collect_provenance(paths, argv=argv or [], threads=threads), request)
+        origin = collect_provenance(paths, argv=argv or [], threads=threads)
+        head = Head(opened.strands, config, replace(origin, notes=tuple(opened.notes)), request)
         if broken_from is not None:
             head, bonds = after_shard(Path(broken_from), head, opened, frames)
         AlertFile(alerts).check()

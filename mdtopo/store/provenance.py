@@ -58,6 +58,9 @@ class Provenance:
         Number of worker threads.
     started, ended : str or None
         UTC, ISO 8601; `ended` is None until the run is over.
+    notes : tuple of str
+        What the reader said of the input: what was selected, left out or assumed, and files that hold less than they
+        declare.
     """
 
     versions: Mapping[str, str | None]
@@ -67,6 +70,7 @@ class Provenance:
     threads: int
     started: str
     ended: str | None = None
+    notes: tuple[str, ...] = ()
 
     def ended_now(self) -> "Provenance":
         """Return the same with the present time as its end."""

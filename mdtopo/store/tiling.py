@@ -10,7 +10,7 @@ import numpy as np
 
 from mdtopo.bonds import BondState
 from mdtopo.errors import InputError
-from mdtopo.store.identity import differences
+from mdtopo.store.identity import HASH, differences
 from mdtopo.store.reader import Results, read_results
 from mdtopo.typing import JsonObject
 
@@ -98,6 +98,7 @@ def in_order(shards: Sequence[Shard]) -> list[Shard]:
     ordered = sorted(shards, key=lambda shard: shard.frames)
     first = ordered[0]
     for shard in ordered[1:]:
+        _refuse_other_files(first, shard)
         found = list(differences(first.identity(), shard.identity()))
         if found:
             raise InputError(f"{shard.path} is no shard of the run that {first.path} is of: {'; '.join(found)}.")
@@ -120,6 +121,20 @@ def in_order(shards: Sequence[Shard]) -> list[Shard]:
                 f"{after.path}. Leave one out, or cut them so that they share one frame."
             )
     return ordered
+
+
+def _refuse_other_files(first: Shard, shard: Shard) -> None:
+    """Refuse shards whose input files have other names and other content: those are two trajectories, not a changed one.
+
+    Files of one content may lie elsewhere; files of one name that differ are said by `differences`.
+    """
+    one, other = first.results.provenance["inputs"], shard.results.provenance["inputs"]
+    for its, own in zip(one, other, strict=False):
+        if its["path"] != own["path"] and (its["size"], its[HASH]) != (own["size"], own[HASH]):
+            raise InputError(
+                f"{shard.path} is no shard of the run that {first.path} is of: {first.path} is of {its['path']}, and "
+                f"{shard.path} of {own['path']}, which is another file."
+            )
 
 
 def same_bonds(one: BondState, other: BondState) -> bool:

@@ -101,6 +101,7 @@ def test_moments_of_a_step_that_is_not_certified_are_refused_or_marked(
     [
         ["--what", "event"],
         ["--what", "polyline", "--step", "1"],
+        ["--format", "pdb"],
         ["--what", "polyline", "--between", "1"],
         ["--what", "event", "--step", "1", "--frames", ":3"],
         ["--what", "curve", "--step", "1"],
@@ -115,6 +116,19 @@ def test_moments_of_a_step_that_is_not_certified_are_refused_or_marked(
 )
 def test_wrong_words_exit_with_2(cli: Callable, results: Path, words: list[str]) -> None:
     assert export(cli, results, "a.xyz", *words).code == Exit.USAGE
+
+
+def test_the_extension_says_the_format_and_strands_are_the_default(cli: Callable, results: Path) -> None:
+    assert export(cli, results, "a.xyz", "--what", "polyline", "--frames", ":8").code == Exit.DONE
+    short = results.with_name("short.xyz")
+    assert cli("export", results, "-o", short, "--frames", ":8").code == Exit.DONE
+    assert short.read_bytes() == results.with_name("a.xyz").read_bytes()
+    event = results.with_name("event.xyz")
+    assert cli("export", results, "-o", event, "--step", 3).code == Exit.DONE
+    assert event.read_bytes() != short.read_bytes()
+    outcome = cli("export", results, "-o", results.with_name("a.dat"))
+    assert outcome.code == Exit.USAGE
+    assert "names no format" in outcome.err
 
 
 def test_wrong_input_exits_with_4_and_one_sentence(cli: Callable, results: Path) -> None:

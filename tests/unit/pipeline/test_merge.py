@@ -173,6 +173,18 @@ def test_what_does_not_tile_is_refused(tmp_path: Path, ranges: list[tuple[int, i
         merge(*made, out=tmp_path / "run.h5")
 
 
+def test_shards_of_two_trajectories_are_refused_by_the_names_of_the_files(tmp_path: Path) -> None:
+    names = ("one.npz", "other.npz")
+    x = np.arange(4.0)[:, np.newaxis] + np.zeros((3, 4, 3))
+    for name, shift in zip(names, (0.0, 1.0), strict=True):
+        np.savez(tmp_path / name, positions=x + shift, offsets=[0, 4], closed=[False])
+    made = [tmp_path / "a.h5", tmp_path / "b.h5"]
+    for name, out, frames in zip(names, made, (slice(0, 2), slice(1, 3)), strict=True):
+        mdtopo.monitor(tmp_path / name, out=out, frames=frames)
+    with pytest.raises(InputError, match=r"a\.h5 is of .*one\.npz, and .*b\.h5 of .*other\.npz, which is another file"):
+        merge(*made, out=tmp_path / "run.h5")
+
+
 def test_shards_of_other_runs_are_refused(tmp_path: Path) -> None:
     inputs = [kill_runs.write_input(tmp_path / "input.npz")]
     one = shards_of(inputs, tmp_path, [0, 40])

@@ -244,6 +244,15 @@ def test_an_incomplete_run_says_so(make: Callable[..., Path]) -> None:
     assert "the frames after frame 7 could not be read: frame 9 cannot be read</td>" in text
 
 
+def test_what_the_reader_said_of_the_input_is_kept_and_on_the_page(make: Callable[..., Path]) -> None:
+    results = make(bars(4))
+    found = read_results(results)
+    assert found.provenance["notes"] == []
+    said = {**found.provenance, "notes": ["The header of a.dcd declares 501 frames, but the file holds 100."]}
+    text = render_page(RunData.of(results, replace(found, provenance=said)), {})
+    assert "<td>The header of a.dcd declares 501 frames, but the file holds 100.</td>" in text
+
+
 def answers_of(text: str) -> dict[str, str]:
     return dict(re.findall(r"<dt><a [^>]*>(.*?)</a></dt><dd>(.*?)</dd>", text))
 
