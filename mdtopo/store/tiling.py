@@ -124,7 +124,7 @@ def in_order(shards: Sequence[Shard]) -> list[Shard]:
 
 
 def _refuse_other_files(first: Shard, shard: Shard) -> None:
-    """Refuse shards whose input files have other names and other content: those are two trajectories, not a changed one.
+    """Refuse shards whose files have other names and other content: those are two trajectories, not a changed one.
 
     Files of one content may lie elsewhere; files of one name that differ are said by `differences`.
     """
