@@ -86,11 +86,13 @@ def lines(alerts: list[Alert] | tuple[Alert, ...]) -> list[dict[str, Any]]:
     return [alert.to_mapping() for alert in alerts]
 
 
+LIMITS = {"pair": (0.25, 0.6, 1.0), "nu": (0.25, 0.6, 1.0, 7.0), "clearance": (0.0, 0.25, 0.6, 1.0, 7.0)}
+"""Those that a configuration allows, some of them values of the table."""
+
 CONFIGS = st.builds(
-    MonitorConfig,
-    criterion=st.sampled_from(["pair", "nu", "clearance"]),
-    near_limit=st.sampled_from([0.0, 0.25, 0.6, 1.0, 7.0]),
-    merge_steps=st.integers(0, 2),
+    lambda limit, merge_steps: MonitorConfig(criterion=limit[0], near_limit=limit[1], merge_steps=merge_steps),
+    st.sampled_from([(criterion, limit) for criterion, limits in LIMITS.items() for limit in limits]),
+    st.integers(0, 2),
 )
 
 
