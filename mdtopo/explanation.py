@@ -111,6 +111,7 @@ class _Story:
         self.spacing = float(self.row["time_t1"]) - float(self.row["time_t0"])
 
     def sections(self) -> Iterator[Section]:
+        """Yield the parts of the story, the verdict first."""
         measured = not np.isnan(self.row["displacement_max"])
         parts = [("Verdict", self._decision())]
         if measured:

@@ -1,14 +1,11 @@
 """From results files to reports on the disk: the one place where a report and the trajectory meet."""
 
-import os
-import secrets
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from mdtopo.curvetypes import step_types, types_in_words
-from mdtopo.errors import InputError, OutputError
+from mdtopo.errors import InputError
 from mdtopo.records import Frame
 from mdtopo.reopening import frames_at, input_files, open_again
 from mdtopo.report import (
@@ -27,6 +24,7 @@ from mdtopo.report import (
     step_path,
 )
 from mdtopo.store import read_so_far
+from mdtopo.store.atomic import check_target, write_text
 
 MOST_SCENES = 16
 """Events that are shown with a picture and a 3D view where nobody asks for more: the worst."""
@@ -164,40 +162,3 @@ def _frames(run: RunData, paths: Sequence[Path], shown: Sequence[Event]) -> dict
     with open_again(run.path, run.results, paths) as reader:
         stream = frames_at(reader, wanted)
         return {frame.index: frame for frame in (next(stream) for _ in wanted)}
-
-
-def check_target(path: Path, *, overwrite: bool) -> None:
-    """Refuse a page that exists, or has no directory.
-
-    Raises
-    ------
-    OutputError
-        If it does.
-    """
-    if path.is_dir():
-        raise OutputError(f"{path} is a directory; give the name of a file.")
-    if path.exists() and not overwrite:
-        raise OutputError(f"{path} exists already; give --overwrite to replace it, or another name.")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path} cannot be written, because the directory {path.parent} does not exist.")
-    if not os.access(path.parent, os.W_OK | os.X_OK):
-        raise OutputError(f"{path} cannot be written, because {path.parent} does not allow it to this user.")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text under a temporary name, and rename it when it is whole.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; nothing stays behind then.
-    """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.partial")
-    try:
-        # a file name may hold bytes that are no UTF-8
-        partial.write_text(text, encoding="utf-8", errors="backslashreplace")
-        partial.replace(path)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise OutputError(f"{path} cannot be written ({error.strerror or error}).") from error

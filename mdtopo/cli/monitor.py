@@ -176,7 +176,7 @@ def _refuse_report(options: Mapping[str, Any]) -> None:
     """Refuse, before hours are spent, a report that could not be written after them."""
     if options["report"] is None:
         return
-    from mdtopo.reporting import check_target
+    from mdtopo.store.atomic import check_target
 
     if options["out"] is None:
         raise InputError(f"--report {options['report']} is made from the results file; name one with --out.")
@@ -218,6 +218,7 @@ class _Display:
         self.steps = 0
 
     def show(self, progress: "Progress") -> None:
+        """Show how far the run is, and remember it."""
         self.steps = progress.steps
         if self.progress is not None:
             self.progress.show(progress)

@@ -43,6 +43,7 @@ class _Ahead(Generic[T]):
             self._queue.put(error)
 
     def taken(self) -> Iterator[T]:
+        """Yield the items in order; an error of the reading thread is raised here."""
         while (item := self._queue.get()) is not None:
             if isinstance(item, BaseException):
                 raise item

@@ -192,6 +192,7 @@ class _Entry:
 
     @property
     def measured(self) -> Shard:
+        """The shard, once it has been measured."""
         assert self.shard is not None
         return self.shard
 

@@ -199,6 +199,7 @@ class _Job:
     bonds: BondState | None
 
     def run(self, *, ahead: bool) -> RunSummary:
+        """Measure all steps, and return what they come to."""
         tally, stream = Tally(self.config, self.reader.strands), AlertStream(self.reader.strands, self.config)
         self._say(stream.opening(), tally, again=self._is_resumed)
         if self.output is not None:
@@ -302,10 +303,12 @@ class _Shelf:
         self._begun = time.monotonic()
 
     def append(self, measured: Measured) -> None:
+        """Keep the rows of a block in the open part, where parts are kept."""
         if self._parts is not None:
             self._parts.append(measured.table, *measured.bonds)
 
     def close_if_due(self) -> None:
+        """Close the open part where it is old or long enough."""
         if self._parts is None:
             return
         age = time.monotonic() - self._begun

@@ -39,6 +39,7 @@ class _InMemory:
         self._array = array
 
     def rows(self, indices: range) -> Iterator[NDArray[Any]]:
+        """Yield the rows of the array."""
         return (self._array[index] for index in indices)
 
     def close(self) -> None:
@@ -52,6 +53,7 @@ class _InArchive:
         self._archive = archive
 
     def rows(self, indices: range) -> Iterator[NDArray[Any]]:
+        """Yield the rows of the member, read one at a time."""
         return self._archive.rows("positions", indices)
 
     def close(self) -> None:

@@ -41,6 +41,7 @@ class _Header:
 
     @property
     def n_bytes(self) -> int:
+        """Size of the data, bytes."""
         return prod(self.shape) * self.dtype.itemsize
 
 

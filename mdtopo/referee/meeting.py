@@ -89,6 +89,7 @@ class _Pair:
 
     @cached_property
     def squared_normal(self) -> Polynomial:
+        """Square of the common normal, as a polynomial of time."""
         return _dot(self.normal, self.normal)
 
     @cached_property
@@ -123,6 +124,7 @@ class _Pair:
         return {1: "touch", 0: "vertex", -1: ""}[least]
 
     def meeting(self, root: Root, sign: int, kind: str) -> Meeting:
+        """Return the meeting at a root, with its place on both edges."""
         root = root.fine()
         size = value(self.squared_normal, root.middle)
         s, r = (float(value(p, root.middle) / size) if size else float("nan") for p in self.parameters)

@@ -120,6 +120,7 @@ class _Counts:
 
     @classmethod
     def of(cls, run: RunData) -> "_Counts":
+        """Return the counts of a run."""
         strand_of = run.results.strands.strand_of_vertex
         lists = (run.results.crossings, run.results.curve_crossings)
         ends = [np.sort(strand_of[crossings.edges[:, :, 0]], axis=1).tolist() for crossings in lists]

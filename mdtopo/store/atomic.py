@@ -47,7 +47,8 @@ def write_text(path: Path, text: str) -> None:
     """
     partial = partial_name(path)
     try:
-        with partial.open("w", encoding="utf-8") as file:
+        # a file name may hold bytes that are no UTF-8
+        with partial.open("w", encoding="utf-8", errors="backslashreplace") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
