@@ -12,8 +12,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.contacts import Found, both_found
-from mdtopo.curves import StepMotion, edge_lengths, image_jumps, jumping_edge, step_motion, whole_strands
+from mdtopo.curves import (
+    StepMotion,
+    greatest_magnitude,
+    image_jumps,
+    jumping_edge,
+    lies_whole,
+    step_motion,
+    whole_strands,
+    write_edge_lengths,
+)
 from mdtopo.extremes import N_RUNGS
+from mdtopo.geometry.lattice import basis_of, reduced_basis, store_basis, total_length
 from mdtopo.geometry.rigid import covariance
 from mdtopo.ladder import measure_step
 from mdtopo.records import Rung
@@ -120,23 +130,34 @@ def whole_frames(
 ) -> WholeFrames:
     """Return the frames of a block with whole strands and the lengths of their edges; NaN where a frame is unusable."""
     n_frames = len(positions)
-    whole = positions.copy() if periodic else positions  # nobody writes to them
+    whole, is_copied = positions, False  # nobody writes to them: most often nothing has to be moved
     bases = np.zeros((n_frames, 3, 3))
     lengths = np.full((n_frames, len(edges)), np.nan)
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
     jumps, placing = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames)
-    before = np.zeros((len(positions[0]) if periodic else 0, 3), dtype=np.int64)
+    nothing = np.zeros((len(positions[0]) if periodic else 0, 3), dtype=np.int64)
+    before, was_moved = nothing, False
     for k in range(n_frames):
         if not usable[k]:
             continue
-        if periodic:
-            whole[k], bases[k], winding[k], counts, placing[k] = whole_strands(
+        longest = write_edge_lengths(positions[k], edges, lengths[k])
+        if not periodic:
+            continue
+        basis, counts = reduced_basis(basis_of(cells[k])), nothing
+        store_basis(basis, bases[k])
+        is_moved = not lies_whole(positions[k], basis, longest, vertices, offsets)
+        if is_moved:
+            if not is_copied:
+                whole, is_copied = positions.copy(), True
+            whole[k], _, winding[k], counts, placing[k] = whole_strands(
                 positions[k], cells[k], vertices, offsets, closed
             )
-            if k > 0 and usable[k - 1]:
-                jumps[k] = image_jumps(before, counts, bases[k - 1], bases[k], edges)
-            before = counts
-        lengths[k] = edge_lengths(whole[k], edges)
+            write_edge_lengths(whole[k], edges, lengths[k])
+        else:
+            placing[k] = greatest_magnitude(positions[k]) + total_length(basis_of(cells[k]))
+        if k > 0 and usable[k - 1] and (is_moved or was_moved):
+            jumps[k] = image_jumps(before, counts, bases[k - 1], bases[k], edges)
+        before, was_moved = counts, is_moved
     return WholeFrames(whole, bases, lengths, winding, jumps, placing, usable)
 
 

@@ -25,11 +25,14 @@ from mdtopo.geometry.lattice import (
     volume,
     whole_counts,
 )
-from mdtopo.geometry.vectors import Vector, add, norm, row, scale, subtract
+from mdtopo.geometry.vectors import Vector, add, dot, norm, row, scale, subtract
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+
+MAGNITUDE = np.int64(0x7FFF_FFFF_FFFF_FFFF)
+"""The bits of a float64 that are not its sign."""
 
 LONG_EDGE = 0.35
 """An edge longer than this share of the shortest lattice vector may be taken for an image of itself."""
@@ -123,6 +126,47 @@ def whole_strands(
             if move != (0, 0, 0):
                 whole[i, 0], whole[i, 1], whole[i, 2] = add(row(x, i), lattice_vector(total, basis))
     return whole, reduced, winding, counts, stored + (1 + applied) * total_length(basis_of(cell))
+
+
+@njit(cache=True, nogil=True)
+def lies_whole(x: FloatArray, basis: Basis, longest: float, vertices: IntArray, offsets: IntArray) -> bool:
+    """Return whether a frame is stored as `whole_strands` would return it, for certain: then nothing has to be moved.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, 3)
+        Positions as stored, finite, Å.
+    basis : Basis
+        The reduced cell.
+    longest : float
+        The square of the longest edge as stored, Å².
+    vertices, offsets : ndarray
+        The traces.
+
+    Guarantee
+    ---------
+    Proven where True: each stored edge is within half the shortest lattice vector, so that no image of it is shorter,
+    and so is each trace's centroid in its image that is nearest to the first one's. Then `whole_strands` returns the
+    positions, bit for bit, with counts and windings of zero.
+    """
+    if not 4.0 * longest < dot(basis[0], basis[0]):
+        return False
+    anchor = trace_centroid(x, vertices, offsets, 0) if len(offsets) > 2 else (0.0, 0.0, 0.0)
+    inverse = inverse_of(basis)
+    for g in range(1, len(offsets) - 1):
+        centre = trace_centroid(x, vertices, offsets, g)
+        if nearest_image(subtract(centre, anchor), basis, inverse) != (0, 0, 0):
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def trace_centroid(x: FloatArray, vertices: IntArray, offsets: IntArray, g: int) -> Vector:
+    """Return the mean of the vertices of trace g."""
+    total = (0.0, 0.0, 0.0)
+    for k in range(offsets[g], offsets[g + 1]):
+        total = add(total, row(x, vertices[k]))
+    return scale(1.0 / (offsets[g + 1] - offsets[g]), total)
 
 
 @njit(cache=True, nogil=True)
@@ -296,6 +340,33 @@ def jumping_edge(motion: StepMotion, edges: IntArray) -> int:
 def edge_lengths(x: FloatArray, edges: IntArray) -> FloatArray:
     """Return the length of each edge, Å, shape (m,)."""
     lengths = np.empty(len(edges))
-    for k in range(len(edges)):
-        lengths[k] = norm(subtract(row(x, edges[k, 1]), row(x, edges[k, 0])))
+    write_edge_lengths(x, edges, lengths)
     return lengths
+
+
+@njit(cache=True, nogil=True)
+def write_edge_lengths(x: FloatArray, edges: IntArray, lengths: FloatArray) -> float:
+    """Write the length of each edge, Å, and return the square of the greatest one, Å²; 0 without edges."""
+    greatest = 0.0
+    for k in range(len(edges)):
+        bond = subtract(row(x, edges[k, 1]), row(x, edges[k, 0]))
+        squared = dot(bond, bond)
+        greatest = max(greatest, squared)
+        lengths[k] = squared
+    for k in range(len(lengths)):  # on their own, so that the compiler takes several roots at a time
+        lengths[k] = np.sqrt(lengths[k])
+    return greatest
+
+
+@njit(cache=True, nogil=True)
+def greatest_magnitude(x: FloatArray) -> float:
+    """Return the greatest absolute value in an array without NaN, in one piece of memory; 0 where it is empty.
+
+    Positive floats have the order of their bits, and integers are compared several at a time where floats are not.
+    """
+    bits = x.view(np.int64).reshape(-1)
+    greatest = np.int64(0)
+    for k in range(len(bits)):
+        magnitude = bits[k] & MAGNITUDE
+        greatest = magnitude if magnitude > greatest else greatest
+    return np.array([greatest]).view(np.float64)[0]

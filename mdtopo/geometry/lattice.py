@@ -201,7 +201,7 @@ def whole_counts(
     winding : ndarray of int, shape (n_traces, 3)
         What is left over when a closed trace has come round: nonzero where it closes through the boundary.
     """
-    inverse = inverse_of(basis)
+    inverse, shortest = inverse_of(basis), dot(basis[0], basis[0])
     counts = np.zeros(x.shape, dtype=np.int64)
     winding = np.zeros((len(closed), 3), dtype=np.int64)
     for trace in range(len(closed)):
@@ -213,8 +213,10 @@ def whole_counts(
             if k + 1 == stop and not closed[trace]:
                 break
             after = vertices[k + 1] if k + 1 < stop else vertices[start]
-            move = nearest_image(subtract(row(x, after), row(x, here)), basis, inverse)
-            total = (total[0] + move[0], total[1] + move[1], total[2] + move[2])
+            v = subtract(row(x, after), row(x, here))
+            if not 4.0 * dot(v, v) < shortest:  # else `nearest_image` would say so, at twice the cost
+                move = nearest_image(v, basis, inverse)
+                total = (total[0] + move[0], total[1] + move[1], total[2] + move[2])
         if closed[trace]:
             winding[trace, 0], winding[trace, 1], winding[trace, 2] = total
     return counts, winding
