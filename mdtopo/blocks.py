@@ -4,8 +4,8 @@ The hot path is columnar. A kernel runs over many steps and fills columns, becau
 cost more than the mathematics.
 """
 
-import math
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -30,6 +30,7 @@ from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+CodeArray = NDArray[np.int8]
 BoolArray = NDArray[np.bool_]
 
 EXACT, OPEN = int(Rung.EXACT), int(Rung.OPEN)
@@ -66,12 +67,12 @@ class Columns(NamedTuple):
     translation: FloatArray
     nu: FloatArray
     nu_witness: IntArray
-    nu_class: IntArray
+    nu_class: CodeArray
     ratio: FloatArray
     ratio_witness: IntArray
     clearances: FloatArray
     clearance_witness: IntArray
-    rung: IntArray
+    rung: CodeArray
     rung_pairs: IntArray
     cell_ok: BoolArray
     jump: IntArray
@@ -90,31 +91,6 @@ class Columns(NamedTuple):
         self.rung_pairs[row, OPEN] -= undecided - still_open
         if not self.rung_pairs[row, OPEN]:
             self.rung[row] = EXACT
-
-
-NUMBERS: dict[str, tuple[int, ...]] = {
-    "displacement": (),
-    "angle": (),
-    "translation": (3,),
-    "nu": (),
-    "ratio": (),
-    "clearances": (3,),
-}
-"""The shape of one row of each column that holds numbers."""
-
-INDICES: dict[str, tuple[int, ...]] = {
-    "displacement_vertex": (),
-    "nu_witness": (4,),
-    "nu_class": (),
-    "ratio_witness": (4,),
-    "clearance_witness": (3, 4),
-    "rung": (),
-    "rung_pairs": (N_RUNGS,),
-    "jump": (),
-}
-"""And of each one that holds indices or counts."""
-
-N_NUMBERS, N_INDICES = (sum(math.prod(width) for width in widths.values()) for widths in (NUMBERS, INDICES))
 
 
 @njit(cache=True, nogil=True)
@@ -252,15 +228,29 @@ def measure_steps(
 
 
 def empty_columns(n: int) -> Columns:
-    """Return columns for n steps, none of them measured: numbers in one piece of memory, indices in another."""
-    numbers, indices = np.full(n * N_NUMBERS, np.nan), np.full(n * N_INDICES, -1, dtype=np.int64)
-    columns: dict[str, NDArray[Any]] = {}
-    for values, widths in ((numbers, NUMBERS), (indices, INDICES)):
-        start = 0
-        for name, width in widths.items():
-            stop = start + n * math.prod(width)
-            columns[name] = values[start:stop].reshape((n, *width)) if width else values[start:stop]
-            start = stop
-    columns["rung"][:] = OPEN
-    columns["rung_pairs"][:] = 0
-    return Columns(is_turned=np.zeros(n, dtype=np.bool_), cell_ok=np.ones(n, dtype=np.bool_), **columns)
+    """Return columns for n steps, none of them measured."""
+    return Columns._make([column.copy() for column in _unmeasured(n)])
+
+
+@lru_cache(maxsize=8)
+def _unmeasured(n: int) -> Columns:
+    """Return columns to copy, which costs half as much as making them."""
+    number, index, code = np.full((n, 3), np.nan), np.full((n, 3, 4), -1, dtype=np.int64), np.full(n, -1, dtype=np.int8)
+    return Columns(
+        displacement=number[:, 0],
+        displacement_vertex=index[:, 0, 0],
+        angle=number[:, 0],
+        is_turned=np.zeros(n, dtype=np.bool_),
+        translation=number,
+        nu=number[:, 0],
+        nu_witness=index[:, 0],
+        nu_class=code,
+        ratio=number[:, 0],
+        ratio_witness=index[:, 0],
+        clearances=number,
+        clearance_witness=index,
+        rung=np.full(n, OPEN, dtype=np.int8),
+        rung_pairs=np.zeros((n, N_RUNGS), dtype=np.int64),
+        cell_ok=np.ones(n, dtype=np.bool_),
+        jump=index[:, 0, 0],
+    )

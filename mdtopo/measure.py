@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from mdtopo.audit import changed_invariants
-from mdtopo.blocks import OPEN, Columns, covariances, empty_columns, measure_steps
+from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
+from mdtopo.contacts import Found
 from mdtopo.curverows import CurveRows
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
+from mdtopo.outcomes import Outcomes, conclude_steps, greatest_stretches
 from mdtopo.passages import crossing_table, decide_exactly, step_data
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.profiles import part_profile
@@ -18,24 +20,16 @@ from mdtopo.records import (
     MonitorConfig,
     PairClass,
     Profile,
-    Reason,
-    Scope,
     StepTable,
     Strands,
     Stretches,
-    Verdict,
 )
 from mdtopo.spheres import PLACING_ERROR
-from mdtopo.typing import Codes, Flags, Indices, Lengths, PointSeries, Ratios
+from mdtopo.typing import Flags, Indices, Lengths, PointSeries
 
 IDENTITY = np.eye(3)
 
-# as plain numbers: NumPy asks an enum for a dozen attributes before it compares with it
-UNRESOLVED, CERTIFIED, CROSSING = int(Verdict.UNRESOLVED), int(Verdict.CERTIFIED), int(Verdict.CROSSING)
-NONE, LADDER, BAD_DATA = int(Reason.NONE), int(Reason.LADDER), int(Reason.BAD_DATA)
-CELL, IMAGE_JUMP = int(Reason.CELL), int(Reason.IMAGE_JUMP)
 LOCAL, SELF, INTER = int(PairClass.LOCAL), int(PairClass.SELF), int(PairClass.INTER)
-NOTHING, STORED, MOTION = int(Scope.NONE), int(Scope.STORED), int(Scope.MOTION)
 
 
 def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setting]:
@@ -70,21 +64,25 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     motion between its two frames, in any periodic image; a step whose verdict is CROSSING has each crossing that is
     listed. Steps that hold an unusable frame are UNRESOLVED. The same holds of the smooth curve, for ``curve_verdict``.
     """
-    columns = empty_columns(plan.block.n_steps)
-    curve = CurveRows.empty(plan.block.n_steps, config.curve)
+    n = plan.block.n_steps
+    columns, outcomes, curve = empty_columns(n), Outcomes.unknown(n), CurveRows.empty(n, config.curve)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
-    reasons = np.full(len(bad), NONE, dtype=np.int8)
+    rotations: list[PointSeries] = []
     crossings: list[Crossings] = []
-    profiles: list[Profile] = []
     for part in plan.parts:
         measurable, rows = ~bad[part.steps], columns.part(part.steps)
-        rotations = _rotations(plan, part, measurable, config)
-        crossings += _measure_part(plan, part, measurable, rotations, strands, config, rows, reasons)
-        curve.measure(plan, part, rows, rotations, strands, config)
-        if config.profile_steps:
-            profiles.append(part_profile(plan, part, rows, _least_clearance(rows)[0], rotations, config))
-    table = _table(plan, columns, curve, bad, reasons, Crossings.joined(crossings), strands, config)
-    return replace(table, profile=Profile.joined(profiles)) if profiles else table
+        rotations.append(_rotations(plan, part, measurable, config))
+        crossings += _measure_part(plan, part, measurable, rotations[-1], strands, config, rows, outcomes)
+        curve.measure(plan, part, rows, rotations[-1], strands, config)
+    conclude_steps(columns, bad, plan.block.times, _errors(plan.block, config), outcomes)
+    table = _table(plan, columns, outcomes, curve, Crossings.joined(crossings), strands)
+    if not config.profile_steps:
+        return table
+    profiles = [
+        part_profile(plan, part, columns.part(part.steps), outcomes.clearance[part.steps], turned, config)
+        for part, turned in zip(plan.parts, rotations, strict=True)
+    ]
+    return replace(table, profile=Profile.joined(profiles))
 
 
 def _rotations(plan: BlockPlan, part: Stretch, measurable: Flags, config: MonitorConfig) -> PointSeries:
@@ -108,7 +106,7 @@ def _measure_part(
     strands: Strands,
     config: MonitorConfig,
     rows: Columns,
-    reasons: Codes,
+    outcomes: Outcomes,
 ) -> Iterator[Crossings]:
     """Run the kernel over the steps of one part, fill their rows, and yield the crossings of each."""
     t, rigid, periodic = part.traces, config.motion == "rigid", plan.block.cells is not None
@@ -128,43 +126,47 @@ def _measure_part(
         t.end_terms,
         rows,
     )
-    has_found = (starts[1:] > starts[:-1]).any(axis=1)
-    audited = has_found | config.audit if t.closed.any() else has_found
-    for k in np.flatnonzero(audited & (rows.rung >= 0) & ~np.isnan(rows.displacement)):
-        of_step = found.rows(starts[k], starts[k + 1])
-        step = step_data(plan, part, int(k), rotations[k], rigid)
+    for k in _to_settle(starts, found, rows, config.audit and bool(t.closed.any())):
+        of_step, row = found.rows(starts[k], starts[k + 1]), part.steps.start + k
+        step = step_data(plan, part, k, rotations[k], rigid)
         decided = decide_exactly(of_step, step, t.edges)
-        rows.settle(int(k), len(of_step.undecided), len(decided.open_pairs))
-        reasons[part.steps][k] = decided.reason
-        frames = plan.block.frames[part.steps.start + k : part.steps.start + k + 2]
+        rows.settle(k, len(of_step.undecided), len(decided.open_pairs))
+        outcomes.reason[row], outcomes.n_crossings[row] = decided.reason, len(decided.passages)
+        frames = plan.block.frames[row : row + 2]
         changed = changed_invariants(step.motion, t, decided, f"frames {frames[0]}-{frames[1]}")
         if len(decided.passages):
-            number = plan.block.first_step + part.steps.start + int(k)
+            number = plan.block.first_step + row
             yield crossing_table(decided, step, t, changed, number, frames, strands, config.resolution_length)
 
 
+def _to_settle(starts: Indices, found: Found, rows: Columns, audit: bool) -> list[int]:
+    """Return the measured steps in which the kernel has found something, or all of them for an audit."""
+    if not (len(found.passages) or len(found.undecided) or audit):
+        return []
+    has_found = (starts[1:] > starts[:-1]).any(axis=1)
+    chosen: list[int] = np.flatnonzero((has_found | audit) & (rows.rung >= 0) & ~np.isnan(rows.displacement)).tolist()
+    return chosen
+
+
+def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
+    """Return how far each point of a step may be from where the file, or a turned coordinate, has it, Å."""
+    errors = np.full(block.n_steps, config.coordinate_error or 0.0)
+    if config.motion == "rigid" or block.cells is not None:
+        greatest = np.abs(block.positions).max(axis=(1, 2))
+        if block.cells is not None:
+            greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
+        errors += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
+    return errors
+
+
 def _table(
-    plan: BlockPlan,
-    columns: Columns,
-    curve: CurveRows,
-    bad: Flags,
-    reasons: Codes,
-    crossings: Crossings,
-    strands: Strands,
-    config: MonitorConfig,
+    plan: BlockPlan, columns: Columns, outcomes: Outcomes, curve: CurveRows, crossings: Crossings, strands: Strands
 ) -> StepTable:
     block = plan.block
-    measured = ~np.isnan(columns.displacement)
-    clearance, pair = _least_clearance(columns)
-    n_crossings = np.bincount(crossings.step - block.first_step, minlength=block.n_steps)
-    verdict, reason = _verdicts(columns, measured, bad, reasons, n_crossings)
-    stretch, stretch_edge = _greatest_stretch(plan.ratios, strands.edges)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        interval = (block.times[1:] - block.times[:-1]) / columns.ratio
-        nu_ratio = 2.0 * columns.displacement / columns.nu
+    stretches = _stretches(plan, strands, greatest_stretches(plan.ratios, plan.limits.stretch, strands.edges, outcomes))
     return StepTable(
         first_step=block.first_step,
-        stretches=_stretches(plan, strands),
+        stretches=stretches,
         broken=plan.broken,
         problems=_problems(plan, columns),
         crossings=crossings,
@@ -174,84 +176,41 @@ def _table(
         time_t1=block.times[1:],
         displacement_max=columns.displacement,
         displacement_vertex=columns.displacement_vertex,
-        rotation_angle=np.where(measured, np.where(columns.is_turned, columns.angle, 0.0), np.nan),
+        rotation_angle=outcomes.rotation_angle,
         translation=columns.translation,
         nu=columns.nu,
         nu_pair=columns.nu_witness.reshape(-1, 2, 2),
-        nu_class=columns.nu_class.astype(np.int8),
-        nu_ratio=nu_ratio,
-        nu_margin=0.5 * columns.nu - columns.displacement,
+        nu_class=columns.nu_class,
+        nu_ratio=outcomes.nu_ratio,
+        nu_margin=outcomes.nu_margin,
         pair_ratio=columns.ratio,
         pair_ratio_pair=columns.ratio_witness.reshape(-1, 2, 2),
-        clearance=clearance,
-        clearance_pair=pair.reshape(-1, 2, 2),
+        clearance=outcomes.clearance,
+        clearance_pair=outcomes.clearance_witness.reshape(-1, 2, 2),
         clearance_local=columns.clearances[:, LOCAL],
         clearance_local_pair=columns.clearance_witness[:, LOCAL].reshape(-1, 2, 2),
         clearance_self=columns.clearances[:, SELF],
         clearance_self_pair=columns.clearance_witness[:, SELF].reshape(-1, 2, 2),
         clearance_inter=columns.clearances[:, INTER],
         clearance_inter_pair=columns.clearance_witness[:, INTER].reshape(-1, 2, 2),
-        bond_stretch=stretch,
-        bond_stretch_edge=stretch_edge,
-        certifiable_interval=interval,
-        verdict=verdict,
-        scope=_scopes(verdict, clearance, block, config),
-        n_crossings=n_crossings,
+        bond_stretch=outcomes.bond_stretch,
+        bond_stretch_edge=outcomes.bond_stretch_edge,
+        certifiable_interval=outcomes.certifiable_interval,
+        verdict=outcomes.verdict,
+        scope=outcomes.scope,
+        n_crossings=outcomes.n_crossings,
         image_jumps=_image_jumps(plan),
-        rung=columns.rung.astype(np.int8),
-        reason=reason,
+        rung=columns.rung,
+        reason=outcomes.reason,
         rung_pairs=columns.rung_pairs,
-        **curve.values(block.first_step, reason),
+        **curve.values(block.first_step, outcomes.reason),
     )
-
-
-def _least_clearance(columns: Columns) -> tuple[Lengths, Indices]:
-    filled = np.where(np.isnan(columns.clearances), np.inf, columns.clearances)
-    kind = filled.argmin(axis=1)
-    rows = np.arange(len(kind))
-    least = filled[rows, kind]
-    return np.where(np.isinf(least), np.nan, least), columns.clearance_witness[rows, kind]
-
-
-def _verdicts(
-    columns: Columns, measured: Flags, bad: Flags, reasons: Codes, n_crossings: Indices
-) -> tuple[Codes, Codes]:
-    """Return verdict and reason of each step; CERTIFIED only where the kernel ran and every pair was settled."""
-    verdict = np.full(len(bad), UNRESOLVED, dtype=np.int8)
-    verdict[measured & (columns.rung != OPEN)] = CERTIFIED
-    verdict[n_crossings > 0] = CROSSING
-    reason = reasons.copy()
-    reason[reasons == NONE] = LADDER
-    reason[verdict != UNRESOLVED] = NONE  # from here on the later line wins
-    reason[~columns.cell_ok] = CELL
-    reason[columns.jump >= 0] = IMAGE_JUMP
-    reason[bad] = BAD_DATA
-    return verdict, reason
-
-
-def _scopes(verdict: Codes, clearance: Lengths, block: FrameBlock, config: MonitorConfig) -> Codes:
-    """Return what each certificate is about.
-
-    Guarantee
-    ---------
-    Proven: each of two points is off by η at most, and by the rounding of a turned coordinate; so a clearance above
-    twice that leaves room for what the file rounded away. Without a pair there is nothing to hit.
-    """
-    error: float | Lengths = config.coordinate_error or 0.0
-    if config.motion == "rigid" or block.cells is not None:
-        greatest = np.abs(block.positions).max(axis=(1, 2))
-        if block.cells is not None:
-            greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
-        error = error + PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
-    clear = np.isnan(clearance) | (clearance > 2.0 * error)
-    scope = np.full(len(verdict), NOTHING, dtype=np.int8)
-    scope[verdict == CERTIFIED] = STORED
-    scope[(verdict == CERTIFIED) & clear] = MOTION
-    return scope
 
 
 def _problems(plan: BlockPlan, columns: Columns) -> tuple[str, ...]:
     """Return what is wrong with each step in words, where an edge is lost among its images too."""
+    if plan.block.cells is None:
+        return plan.problems
     problems = list(plan.problems)
     for part in plan.parts:
         for k in np.flatnonzero(columns.jump[part.steps] >= 0):
@@ -270,21 +229,10 @@ def _image_jumps(plan: BlockPlan) -> Indices:
     return jumps
 
 
-def _greatest_stretch(ratios: Ratios, edges: Indices) -> tuple[Ratios, Indices]:
-    if not ratios.shape[1]:
-        return np.full(len(ratios), np.nan), np.full((len(ratios), 2), -1, dtype=np.int64)
-    value = np.fmax.reduce(ratios, axis=1)  # of the edges that are left
-    worst = (ratios == value[:, np.newaxis]).argmax(axis=1)
-    edge, unknown = edges[worst], ~np.isfinite(value)
-    value[unknown], edge[unknown] = np.nan, -1
-    return value, edge
-
-
-def _stretches(plan: BlockPlan, strands: Strands) -> Stretches:
-    beyond = plan.ratios >= plan.limits.stretch
-    if not beyond.any():
+def _stretches(plan: BlockPlan, strands: Strands, any_beyond: bool) -> Stretches:
+    if not any_beyond:
         return Stretches.none()
-    row, edge = np.nonzero(beyond)
+    row, edge = np.nonzero(plan.ratios >= plan.limits.stretch)
     return Stretches(
         step=plan.block.first_step + row,
         edge=strands.edges[edge],
