@@ -36,6 +36,13 @@ def reference_lengths(samples: Lengths) -> ReferenceLengths:
     return ReferenceLengths(np.median(usable, axis=0), float(middle), float(0.5 * (high - low)), len(usable))
 
 
+def lengths_to_divide_by(lengths: Lengths) -> Lengths:
+    """Return the lengths as they are, NaN in the place of 0."""
+    if lengths.min(initial=np.inf) > 0.0:  # nearly always, and much cheaper
+        return lengths
+    return np.where(lengths > 0.0, lengths, np.nan)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BondLimits:
     """The ratio to its reference length at which each edge counts as stretched, and as broken.
@@ -55,7 +62,7 @@ class BondLimits:
     @classmethod
     def of(cls, reference: ReferenceLengths, config: MonitorConfig) -> "BondLimits":
         """Return the limits that a configuration sets for a reference."""
-        lengths = np.where(reference.lengths > 0.0, reference.lengths, np.nan)
+        lengths = lengths_to_divide_by(reference.lengths)
 
         def limit(factor: float, spreads: float) -> Ratios:
             beyond_spread = (reference.median + spreads * reference.spread) / lengths

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mdtopo.blocks import WholeFrames, whole_frames
-from mdtopo.bonds import BondLimits, BondState
+from mdtopo.bonds import BondLimits, BondState, lengths_to_divide_by
 from mdtopo.records import BrokenEdge, Frame, FrameBlock, MonitorConfig, ReferenceLengths, Strands, Traces
 from mdtopo.typing import Flags, Lengths, PointSeries, Ratios
 
@@ -155,9 +155,8 @@ def plan_step(block: FrameBlock, strands: Strands) -> BlockPlan:
     """
     traces, n_edges = Traces.of(strands), len(strands.edges)
     frames = _whole(block, slice(None), traces)
-    reference, ratios, unknown = np.empty(n_edges), np.empty((1, n_edges)), np.full(n_edges, np.nan)
-    reference[traces.edge_index] = np.where(frames.lengths[0] > 0.0, frames.lengths[0], np.nan)
-    ratios[:, traces.edge_index] = frames.lengths[1] / reference[traces.edge_index]
+    reference, unknown = lengths_to_divide_by(frames.lengths[0]), np.full(n_edges, np.nan)
+    ratios = frames.lengths[1:] / reference  # no edge is broken, so these are all edges, in order
     limits, bonds = BondLimits(reference, unknown, unknown), BondState.intact(n_edges)
     part = Stretch(slice(0, 1), frames, traces)
     problems = tuple(_step_problems(block, part, strands))
@@ -175,7 +174,8 @@ def _whole_frames(
 ) -> WholeFrames:
     t = traces
     frames = whole_frames(positions, cells, usable, periodic, t.vertices, t.offsets, t.closed, t.edges)
-    _close_winding_rings(frames, traces)
+    if periodic:
+        _close_winding_rings(frames, traces)
     return frames
 
 
@@ -256,14 +256,15 @@ def _step_problems(block: FrameBlock, part: Stretch, strands: Strands) -> Iterat
     What a ring does is asked of the edges that the step has: the frame in which one of them breaks belongs to two
     steps, and only the one before has a ring there.
     """
-    windings = _windings(part, strands)
+    windings = _windings(part, strands) if block.cells is not None else {}
+    times = block.times.tolist()
     for k in range(part.steps.start, part.steps.stop):
         frames = ((f, block.problems[f] or windings.get(f - part.steps.start, "")) for f in (k, k + 1))
         bad = [f"frame {block.frames[f]}: {problem}" for f, problem in frames if problem]
-        if block.times[k + 1] <= block.times[k]:  # an unknown time (NaN) is no objection
+        if times[k + 1] <= times[k]:  # an unknown time (NaN) is no objection
             bad.append(
-                f"frame {block.frames[k + 1]}: time {block.times[k + 1]:g} ps does not come after "
-                f"{block.times[k]:g} ps of frame {block.frames[k]}"
+                f"frame {block.frames[k + 1]}: time {times[k + 1]:g} ps does not come after {times[k]:g} ps of frame "
+                f"{block.frames[k]}"
             )
         yield "; ".join(bad)
 

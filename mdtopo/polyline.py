@@ -12,6 +12,9 @@ from mdtopo.records import Frame, FrameBlock, MonitorConfig, StepReport, Strands
 from mdtopo.records.frames import has_volume
 from mdtopo.typing import Cell, Points
 
+FRAMES, UNKNOWN_TIMES = np.arange(2), np.full(2, np.nan)
+"""Of arrays in memory; a report has copies."""
+
 
 def polyline_step(
     x_t0: Points,
@@ -64,7 +67,7 @@ def polyline_step(
         cells = np.stack([checked_cell(cell_t0, "cell_t0"), checked_cell(cell_t1, "cell_t1")])
     positions = np.empty((2, *x0.shape))
     positions[0], positions[1] = x0, x1
-    block = FrameBlock(0, np.array([0, 1]), np.array([np.nan, np.nan]), positions, cells, problems=("", ""))
+    block = FrameBlock(0, FRAMES, UNKNOWN_TIMES, positions, cells, problems=("", ""))
     return measure_plan(plan_step(block, strands), strands, _of_one_step(config or MonitorConfig())).report(0)
 
 

@@ -189,8 +189,10 @@ class Crossings(Sequence[Crossing]):
 
     def of_step(self, step: int) -> "Crossings":
         """Return the rows of one step; rows are sorted by step."""
+        if not len(self) or self.step[0] == step == self.step[-1]:
+            return self
         low, high = np.searchsorted(self.step, [step, step + 1])
-        return self if high - low == len(self) else self.rows(slice(low, high))
+        return self.rows(slice(low, high))
 
     def __len__(self) -> int:
         return len(self.step)

@@ -1,10 +1,11 @@
 """What was measured in each step: columns for a block of steps, and one row as an object."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from functools import cache
 from html import escape
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -326,9 +327,13 @@ class StepTable:
     def report(self, row: int) -> "StepReport":
         """Return one row as an object."""
         step = self.first_step + row
-        values: dict[str, Any] = {name: getattr(self, name).item(row) for name in self._plain()}
-        values |= {name: members[getattr(self, name).item(row)] for name, members in self._coded()}
-        values |= {name: getattr(self, name)[row].copy() for name in self._wide()}
+        names, columns = self._plain()
+        values: dict[str, Any] = {name: column.item(row) for name, column in zip(names, columns(self), strict=True)}
+        for name, members in self._coded():
+            values[name] = members[values[name]]
+        names, columns = self._wide()
+        for name, column in zip(names, columns(self), strict=True):
+            values[name] = column[row].copy()
         return StepReport(
             step=step,
             problem=self.problems[row],
@@ -339,9 +344,10 @@ class StepTable:
 
     @classmethod
     @cache
-    def _plain(cls) -> tuple[str, ...]:
-        """Return the names of the columns that hold one number each."""
-        return tuple(c.name for c in cls.columns() if c.enum is None and not c.shape)
+    def _plain(cls) -> tuple[tuple[str, ...], Callable[["StepTable"], tuple[NDArray[Any], ...]]]:
+        """Return the names of the columns that hold one number each, codes included, and what gets them all."""
+        names = tuple(c.name for c in cls.columns() if not c.shape)
+        return names, attrgetter(*names)
 
     @classmethod
     @cache
@@ -351,9 +357,10 @@ class StepTable:
 
     @classmethod
     @cache
-    def _wide(cls) -> tuple[str, ...]:
-        """Return the names of the columns that hold several numbers each."""
-        return tuple(c.name for c in cls.columns() if c.enum is None and c.shape)
+    def _wide(cls) -> tuple[tuple[str, ...], Callable[["StepTable"], tuple[NDArray[Any], ...]]]:
+        """Return the names of the columns that hold several numbers each, and what gets them all."""
+        names = tuple(c.name for c in cls.columns() if c.shape)
+        return names, attrgetter(*names)
 
     def reports(self) -> Iterator["StepReport"]:
         """Yield every row as an object, in step order."""
