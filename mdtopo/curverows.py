@@ -13,7 +13,7 @@ from mdtopo.curveblocks import KINDS, SINGLE, CurveColumns, Segments, control_po
 from mdtopo.errors import StrandError
 from mdtopo.geometry.curvemeeting import place_in_space
 from mdtopo.geometry.splines import HIGHEST_DEGREE
-from mdtopo.passages import Decided, Meeting, StepData, crossing_table, meeting_of, step_data
+from mdtopo.passages import Decided, Meeting, StepData, crossing_table, meeting_of
 from mdtopo.planning import BlockPlan, Stretch
 from mdtopo.records import Crossings, CurveVerdict, MonitorConfig, Reason, Shape, Strands, Traces
 from mdtopo.typing import BezierPoints, Codes, Flags, Indices
@@ -101,7 +101,7 @@ class CurveRows:
         )
         self._name(part, segments, columns)
         for k in np.flatnonzero(starts[1:] > starts[:-1]):
-            step = step_data(plan, part, int(k), rotations[k], rigid)
+            step = StepData(plan, part, int(k), rotations[k], rigid)
             passages = _passages(found[starts[k] : starts[k + 1]], step, t, segments)
             changed = linked_anew(passages, t) if columns.n_open[k] == 0 and columns.countable[k] else set()
             row = part.steps.start + int(k)

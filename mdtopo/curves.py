@@ -360,9 +360,10 @@ def write_edge_lengths(x: FloatArray, edges: IntArray, lengths: FloatArray) -> f
 
 @njit(cache=True, nogil=True)
 def greatest_magnitude(x: FloatArray) -> float:
-    """Return the greatest absolute value in an array without NaN, in one piece of memory; 0 where it is empty.
+    """Return the greatest absolute value in an array in one piece of memory; 0 where it is empty, NaN where it has one.
 
-    Positive floats have the order of their bits, and integers are compared several at a time where floats are not.
+    Positive floats have the order of their bits, with NaN above infinity, and integers are compared several at a time
+    where floats are not.
     """
     bits = x.view(np.int64).reshape(-1)
     greatest = np.int64(0)

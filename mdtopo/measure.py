@@ -2,16 +2,17 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from mdtopo.audit import changed_invariants
 from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
-from mdtopo.contacts import Found
 from mdtopo.curverows import CurveRows
+from mdtopo.curves import greatest_magnitude
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
-from mdtopo.outcomes import Outcomes, conclude_steps, greatest_stretches
-from mdtopo.passages import crossing_table, decide_exactly, step_data
+from mdtopo.outcomes import Outcomes, conclude_steps
+from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.profiles import part_profile
 from mdtopo.records import (
@@ -74,8 +75,10 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
         rotations.append(_rotations(plan, part, measurable, config))
         crossings += _measure_part(plan, part, measurable, rotations[-1], strands, config, rows, outcomes)
         curve.measure(plan, part, rows, rotations[-1], strands, config)
-    conclude_steps(columns, bad, plan.block.times, _errors(plan.block, config), outcomes)
-    table = _table(plan, columns, outcomes, curve, Crossings.joined(crossings), strands)
+    errors, limits = _errors(plan.block, config), plan.limits.stretch
+    any_beyond = conclude_steps(columns, bad, plan.block.times, errors, plan.ratios, limits, strands.edges, outcomes)
+    stretches = _stretches(plan, strands) if any_beyond else Stretches.none()
+    table = _table(plan, columns, outcomes, curve, Crossings.joined(crossings), stretches)
     if not config.profile_steps:
         return table
     profiles = [
@@ -126,33 +129,32 @@ def _measure_part(
         t.end_terms,
         rows,
     )
-    for k in _to_settle(starts, found, rows, config.audit and bool(t.closed.any())):
+    has_rings = bool(t.closed.any())
+    for k in _to_settle(starts, rows, config.audit and has_rings):
         of_step, row = found.rows(starts[k], starts[k + 1]), part.steps.start + k
-        step = step_data(plan, part, k, rotations[k], rigid)
+        step = StepData(plan, part, k, rotations[k], rigid)
         decided = decide_exactly(of_step, step, t.edges)
         rows.settle(k, len(of_step.undecided), len(decided.open_pairs))
         outcomes.reason[row], outcomes.n_crossings[row] = decided.reason, len(decided.passages)
         frames = plan.block.frames[row : row + 2]
-        changed = changed_invariants(step.motion, t, decided, f"frames {frames[0]}-{frames[1]}")
+        changed = changed_invariants(step.motion, t, decided, f"frames {frames[0]}-{frames[1]}") if has_rings else set()
         if len(decided.passages):
             number = plan.block.first_step + row
             yield crossing_table(decided, step, t, changed, number, frames, strands, config.resolution_length)
 
 
-def _to_settle(starts: Indices, found: Found, rows: Columns, audit: bool) -> list[int]:
+def _to_settle(starts: Indices, rows: Columns, audit: bool) -> list[int]:
     """Return the measured steps in which the kernel has found something, or all of them for an audit."""
-    if not (len(found.passages) or len(found.undecided) or audit):
-        return []
-    has_found = (starts[1:] > starts[:-1]).any(axis=1)
-    chosen: list[int] = np.flatnonzero((has_found | audit) & (rows.rung >= 0) & ~np.isnan(rows.displacement)).tolist()
-    return chosen
+    n_found = [n_passages + n_undecided for n_passages, n_undecided in starts.tolist()]
+    steps = enumerate(pairwise(n_found))
+    return [k for k, (before, after) in steps if after > before or (audit and not np.isnan(rows.displacement[k]))]
 
 
 def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
     """Return how far each point of a step may be from where the file, or a turned coordinate, has it, Å."""
     errors = np.full(block.n_steps, config.coordinate_error or 0.0)
     if config.motion == "rigid" or block.cells is not None:
-        greatest = np.abs(block.positions).max(axis=(1, 2))
+        greatest = np.array([greatest_magnitude(x) for x in block.positions])
         if block.cells is not None:
             greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
         errors += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
@@ -160,10 +162,9 @@ def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
 
 
 def _table(
-    plan: BlockPlan, columns: Columns, outcomes: Outcomes, curve: CurveRows, crossings: Crossings, strands: Strands
+    plan: BlockPlan, columns: Columns, outcomes: Outcomes, curve: CurveRows, crossings: Crossings, stretches: Stretches
 ) -> StepTable:
     block = plan.block
-    stretches = _stretches(plan, strands, greatest_stretches(plan.ratios, plan.limits.stretch, strands.edges, outcomes))
     return StepTable(
         first_step=block.first_step,
         stretches=stretches,
@@ -229,9 +230,7 @@ def _image_jumps(plan: BlockPlan) -> Indices:
     return jumps
 
 
-def _stretches(plan: BlockPlan, strands: Strands, any_beyond: bool) -> Stretches:
-    if not any_beyond:
-        return Stretches.none()
+def _stretches(plan: BlockPlan, strands: Strands) -> Stretches:
     row, edge = np.nonzero(plan.ratios >= plan.limits.stretch)
     return Stretches(
         step=plan.block.first_step + row,

@@ -67,8 +67,17 @@ def _unknown(n: int) -> Outcomes:
 
 
 @njit(cache=True, nogil=True)
-def conclude_steps(columns: Columns, bad: BoolArray, times: FloatArray, errors: FloatArray, out: Outcomes) -> None:
-    """Write what follows from the row of each step.
+def conclude_steps(
+    columns: Columns,
+    bad: BoolArray,
+    times: FloatArray,
+    errors: FloatArray,
+    ratios: FloatArray,
+    limits: FloatArray,
+    edges: IntArray,
+    out: Outcomes,
+) -> bool:
+    """Write what follows from the row of each step; return whether any edge is beyond its stretch limit.
 
     Parameters
     ----------
@@ -80,6 +89,8 @@ def conclude_steps(columns: Columns, bad: BoolArray, times: FloatArray, errors: 
         Of the frames, ps.
     errors : ndarray, shape (n_steps,)
         How far each of two points may be from where the file, or the rotation, has put it, Å.
+    ratios, limits, edges : ndarray
+        See `greatest_stretches`.
     out : Outcomes
     """
     for k in range(len(bad)):
@@ -99,6 +110,7 @@ def conclude_steps(columns: Columns, bad: BoolArray, times: FloatArray, errors: 
             out.verdict[k] = CERTIFIED
             out.scope[k] = scope_of(out.clearance[k], errors[k])
         out.reason[k] = reason_of(columns, k, bad[k], out.verdict[k], out.reason[k])
+    return greatest_stretches(ratios, limits, edges, out.bond_stretch, out.bond_stretch_edge)
 
 
 @njit(cache=True, nogil=True)
@@ -144,7 +156,9 @@ def reason_of(columns: Columns, k: int, bad: bool, verdict: int, found: int) -> 
 
 
 @njit(cache=True, nogil=True)
-def greatest_stretches(ratios: FloatArray, limits: FloatArray, edges: IntArray, out: Outcomes) -> bool:
+def greatest_stretches(
+    ratios: FloatArray, limits: FloatArray, edges: IntArray, stretch: FloatArray, stretch_edge: IntArray
+) -> bool:
     """Write the edge that is stretched most in each step; return whether any is beyond its limit.
 
     Parameters
@@ -154,7 +168,8 @@ def greatest_stretches(ratios: FloatArray, limits: FloatArray, edges: IntArray, 
     limits : ndarray, shape (n_edges,)
         The ratio from which on an edge counts as stretched.
     edges : ndarray of int, shape (n_edges, 2)
-    out : Outcomes
+    stretch, stretch_edge : ndarray, shape (n_steps,) and (n_steps, 2)
+        Are written to where a ratio is known, and finite.
     """
     any_beyond = False
     for k in range(len(ratios)):
@@ -165,5 +180,5 @@ def greatest_stretches(ratios: FloatArray, limits: FloatArray, edges: IntArray, 
         for e in range(len(edges)):  # a loop of its own: it has no branch, and takes several edges at once
             any_beyond |= ratios[k, e] >= limits[e]
         if 0.0 <= greatest < np.inf:
-            out.bond_stretch[k], out.bond_stretch_edge[k, :] = greatest, edges[worst]
+            stretch[k], stretch_edge[k, :] = greatest, edges[worst]
     return any_beyond

@@ -5,8 +5,11 @@ is the stored one (`--motion lab`). Where a rigid motion is taken out, the turne
 certified, and they are taken as they are.
 """
 
+import math
 from collections.abc import Collection
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -14,6 +17,7 @@ from numpy.typing import NDArray
 
 from mdtopo.blocks import motion_of
 from mdtopo.contacts import Found, passage_row
+from mdtopo.crossingrows import CrossingRows, in_order_of_time, is_swapped, write_rows
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.lattice import Counts
 from mdtopo.geometry.rational import FREE, PASSAGE, ExactCorners, exact_passages
@@ -24,8 +28,7 @@ from mdtopo.typing import Cell, Indices, Points
 Meeting: TypeAlias = tuple[int, int, Counts]
 """Two traces, and the image of the second, in the step's reduced cell."""
 
-UNDERSAMPLED, RESOLVED, PROVEN = int(Grade.UNDERSAMPLED), int(Grade.RESOLVED), int(Grade.PROVEN)
-POLYLINE = int(Shape.POLYLINE)
+PROVEN = int(Grade.PROVEN)
 
 MOST_EXACT = 500
 """Pairs of one step that exact arithmetic decides; each costs milliseconds, and a step with more is beyond help."""
@@ -41,34 +44,48 @@ WORST_FIRST = (Reason.LADDER, Reason.FRAME, Reason.VERTEX, Reason.TOUCH, Reason.
 """Which reason a step has whose pairs are undecided for several."""
 
 
-class StepData(NamedTuple):
-    """What exact arithmetic, and a row of the table, need of a step.
+@dataclass(frozen=True, eq=False)
+class StepData:
+    """What exact arithmetic, and a row of the table, need of a step; worked out when it is asked for.
 
     Attributes
     ----------
-    motion : StepMotion
-        What the ladder has measured.
-    stored : two ndarrays, shape (n, 3)
-        Positions as the two frames hold them, Å.
-    cells : two ndarrays, shape (3, 3), or None
-        Lattice vectors as the two frames hold them, Å.
+    plan, part, k
+        The block, the part of it, and the step, counted within the part.
+    rotation : ndarray, shape (3, 3)
+        What was taken out of the step.
     rigid : bool
         Whether a rigid motion was taken out.
     """
 
-    motion: StepMotion
-    stored: tuple[Points, Points]
-    cells: tuple[Cell, Cell] | None
+    plan: BlockPlan
+    part: Stretch
+    k: int
+    rotation: Cell
     rigid: bool
 
+    @cached_property
+    def motion(self) -> StepMotion:
+        """What the ladder has measured."""
+        t, periodic = self.part.traces, self.plan.block.cells is not None
+        return motion_of(self.part.frames, self.k, periodic, self.rigid, self.rotation, t.vertices, t.offsets)
 
-def step_data(plan: BlockPlan, part: Stretch, k: int, rotation: Cell, rigid: bool) -> StepData:
-    """Return step k of a part as the ladder has seen it, and as the frames hold it."""
-    frames, block, row = part.frames, plan.block, part.steps.start + k
-    t = part.traces
-    motion = motion_of(frames, k, block.cells is not None, rigid, rotation, t.vertices, t.offsets)
-    cells = None if block.cells is None else (block.cells[row], block.cells[row + 1])
-    return StepData(motion, (block.positions[row], block.positions[row + 1]), cells, rigid)
+    @property
+    def row(self) -> int:
+        """The step, counted within the block."""
+        return int(self.part.steps.start) + self.k
+
+    @property
+    def stored(self) -> tuple[Points, Points]:
+        """Positions as the two frames hold them, Å."""
+        positions = self.plan.block.positions
+        return positions[self.row], positions[self.row + 1]
+
+    @property
+    def cells(self) -> tuple[Cell, Cell] | None:
+        """Lattice vectors as the two frames hold them, Å; None where there are none."""
+        cells = self.plan.block.cells
+        return None if cells is None else (cells[self.row], cells[self.row + 1])
 
 
 class Decided(NamedTuple):
@@ -179,33 +196,18 @@ def crossing_table(
     shape : Shape
         What has crossed.
     """
-    edges, rows = traces.edges, decided.passages
-    tails = edges[:, 0][rows[:, :2].astype(np.int64)]
-    low, high = np.minimum(tails[:, 0], tails[:, 1]), np.maximum(tails[:, 0], tails[:, 1])
-    rows = rows[np.lexsort((high, low, rows[:, 5]))]
-    pairs, places, image, point = _in_strand_order(rows, step, edges)
-    image, point = _as_stored(image, point, rows[:, 5], edges[pairs][:, :, 0], step)
-    length = rows[:, 13].copy() if resolution is None else np.full(len(rows), resolution)
-    grade = np.full(len(rows), UNDERSAMPLED, dtype=np.int8)
-    grade[rows[:, 12] < length] = RESOLVED
+    passages = in_order_of_time(decided.passages, traces.edges)
+    if step.cells is not None:
+        _move_home(passages, traces.edges, step.motion)
+    rows = CrossingRows.empty(len(passages))
+    length = math.nan if resolution is None else resolution
+    write_rows(passages, traces.edges, number, int(frames[0]), int(frames[1]), int(shape), length, rows)
+    if step.cells is not None:
+        image, point = _as_stored(rows, step, step.cells[0])
+        rows = rows._replace(image=image, point=point)
     if changed:
-        grade[[meeting_of(row, traces) in changed for row in rows]] = PROVEN
-    return Crossings(
-        strands=strands,
-        step=np.full(len(rows), number, dtype=np.int64),
-        frame_t0=np.full(len(rows), frames[0], dtype=np.int64),
-        frame_t1=np.full(len(rows), frames[1], dtype=np.int64),
-        t=rows[:, 5].copy(),
-        edges=edges[pairs],
-        parameters=places,
-        point=point,
-        sign=rows[:, 11].astype(np.int64),
-        image=image,
-        grade=grade,
-        object=np.full(len(rows), int(shape), dtype=np.int8),
-        motion=rows[:, 12].copy(),
-        resolution=length,
-    )
+        rows.grade[[meeting_of(row, traces) in changed for row in passages]] = PROVEN
+    return Crossings(strands, **rows._asdict())
 
 
 def meeting_of(row: NDArray[Any], traces: Traces) -> Meeting:
@@ -216,35 +218,19 @@ def meeting_of(row: NDArray[Any], traces: Traces) -> Meeting:
     return min((a, b, image), (b, a, mirrored))
 
 
-def _in_strand_order(
-    rows: NDArray[np.float64], step: StepData, edges: Indices
-) -> tuple[Indices, NDArray[np.float64], Indices, Points]:
-    """Return edges, parameters, image and point of passages, the edge with the lower first vertex first.
-
-    Where the two change places, the point moves along by the image, into the copy of the strand that is at home.
-    """
-    pairs, places = rows[:, :2].astype(np.int64), rows[:, 6:8].copy()
-    image = rows[:, 2:5].astype(np.int64)
-    point = rows[:, 8:11].copy()
-    swap = edges[pairs[:, 1], 0] < edges[pairs[:, 0], 0]
-    if swap.any():
-        if step.cells is not None:
-            point[swap] -= _moving_vectors(image, rows[:, 5], step.motion)[swap]
-        pairs[swap], places[swap], image[swap] = pairs[swap][:, ::-1], places[swap][:, ::-1], -image[swap]
-    return pairs, places, image, point
+def _move_home(passages: NDArray[np.float64], edges: Indices, motion: StepMotion) -> None:
+    """Move points along by the image, in place, where the edges change places: into the copy of the strand at home."""
+    swap = np.array([is_swapped(passages, k, edges) for k in range(len(passages))], dtype=np.bool_)
+    passages[swap, 8:11] -= _moving_vectors(passages[:, 2:5].astype(np.int64), passages[:, 5], motion)[swap]
 
 
-def _as_stored(
-    image: Indices, point: Points, t: NDArray[np.float64], tails: Indices, step: StepData
-) -> tuple[Indices, Points]:
+def _as_stored(rows: CrossingRows, step: StepData, cell: Cell) -> tuple[Indices, Points]:
     """Return images and points seen from where the first frame stores the edges, not from where strands are whole."""
-    if step.cells is None:
-        return image, point
-    m = step.motion
+    m, tails = step.motion, rows.edges[:, :, 0]
     moved = m.x0[tails] - step.stored[0][tails]
     counts = lattice_counts(moved.reshape(-1, 3), m.cell0).reshape(-1, 2, 3)
-    seen = (image + counts[:, 1] - counts[:, 0]) @ lattice_counts(m.cell0, step.cells[0])
-    return seen, point - _moving_vectors(counts[:, 0], t, m)
+    seen = (rows.image + counts[:, 1] - counts[:, 0]) @ lattice_counts(m.cell0, cell)
+    return seen, rows.point - _moving_vectors(counts[:, 0], rows.t, m)
 
 
 def _moving_vectors(counts: Indices, t: NDArray[np.float64], motion: StepMotion) -> Points:

@@ -7,6 +7,7 @@ behind it. This is the one thing that is handed from block to block, and it is c
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -155,12 +156,18 @@ def plan_step(block: FrameBlock, strands: Strands) -> BlockPlan:
     """
     traces, n_edges = Traces.of(strands), len(strands.edges)
     frames = _whole(block, slice(None), traces)
-    reference, unknown = lengths_to_divide_by(frames.lengths[0]), np.full(n_edges, np.nan)
+    reference, (unknown, bonds) = lengths_to_divide_by(frames.lengths[0]), _unwatched(n_edges)
     ratios = frames.lengths[1:] / reference  # no edge is broken, so these are all edges, in order
-    limits, bonds = BondLimits(reference, unknown, unknown), BondState.intact(n_edges)
+    limits = BondLimits(reference, unknown, unknown)
     part = Stretch(slice(0, 1), frames, traces)
     problems = tuple(_step_problems(block, part, strands))
     return BlockPlan(block, (part,), ratios, (), problems, limits, (bonds, bonds))
+
+
+@lru_cache(maxsize=8)
+def _unwatched(n_edges: int) -> tuple[Ratios, BondState]:
+    """Return limits that are never met, and the bonds that are there; nobody may write to them."""
+    return np.full(n_edges, np.nan), BondState.intact(n_edges)
 
 
 def _whole(block: FrameBlock, part: slice, traces: Traces) -> WholeFrames:

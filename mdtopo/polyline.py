@@ -5,11 +5,12 @@ from functools import cache
 
 import numpy as np
 
+from mdtopo.curves import greatest_magnitude
 from mdtopo.errors import InputError
 from mdtopo.measure import measure_plan
 from mdtopo.planning import plan_step
 from mdtopo.records import Frame, FrameBlock, MonitorConfig, StepReport, Strands
-from mdtopo.records.frames import has_volume
+from mdtopo.records.frames import LARGEST_COORDINATE, has_volume
 from mdtopo.typing import Cell, Points
 
 FRAMES, UNKNOWN_TIMES = np.arange(2), np.full(2, np.nan)
@@ -115,8 +116,8 @@ def checked_positions(x: Points, strands: Strands, name: str) -> Points:
     array = np.ascontiguousarray(x, dtype=np.float64)
     if array.shape != (strands.n_vertices, 3):
         raise InputError(f"{name} has shape {array.shape}; the strands need ({strands.n_vertices}, 3).")
-    if problem := Frame(0, np.nan, array).problem:
-        raise InputError(f"{name} cannot be used: {problem}.")
+    if not greatest_magnitude(array) <= LARGEST_COORDINATE:  # also where it is NaN
+        raise InputError(f"{name} cannot be used: {Frame(0, np.nan, array).problem}.")
     return array
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from functools import cache
 from html import escape
 from typing import Any, overload
 
@@ -138,8 +139,9 @@ class Crossings(Sequence[Crossing]):
         return f"<table><caption>{len(self)} crossings{shown}</caption><tr>{head}</tr>{body}</table>"
 
     @classmethod
+    @cache
     def none(cls) -> "Crossings":
-        """Return a table without rows."""
+        """Return a table without rows, the same one every time."""
         count, number, code = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, dtype=np.int8)
         pair, triple = np.empty((0, 2, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64)
         return cls(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,9 @@ class Profile:
         return len(self.window)
 
     @classmethod
+    @lru_cache(maxsize=8)
     def none(cls, n_vertices: int = 0) -> "Profile":
-        """Return a profile without rows."""
+        """Return a profile without rows, the same one every time."""
         empty = np.empty(0, dtype=np.int64)
         return cls(0, empty, empty, np.empty(0), np.empty((0, n_vertices), dtype=np.float32))
 

@@ -131,8 +131,9 @@ class Stretches:
     limit: Ratios
 
     @classmethod
+    @cache
     def none(cls) -> "Stretches":
-        """Return a table without rows."""
+        """Return a table without rows, the same one every time."""
         empty = np.empty(0, dtype=np.int64)
         return cls(empty, np.empty((0, 2), dtype=np.int64), np.empty(0), np.empty(0))
 

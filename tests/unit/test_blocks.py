@@ -117,3 +117,6 @@ def test_the_greatest_magnitude_is_that_of_a_plain_search() -> None:
             assert greatest_magnitude(x) == np.abs(x).max() == scale
     assert greatest_magnitude(np.array([[-0.0, 0.0, -0.0]])) == 0.0
     assert greatest_magnitude(np.empty((0, 3))) == 0.0
+    assert greatest_magnitude(np.array([[1.0, -np.inf, 2.0]])) == np.inf
+    assert np.isnan(greatest_magnitude(np.array([[np.inf, np.nan, 2.0]])))
+    assert np.isnan(greatest_magnitude(np.array([[1e300, -np.nan, 2.0]])))

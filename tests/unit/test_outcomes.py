@@ -33,7 +33,8 @@ def concluded(
 ) -> Outcomes:
     out = Outcomes.unknown(1)
     out.n_crossings[0], out.reason[0] = n_crossings, found
-    conclude_steps(columns, np.array([bad]), np.array(times), np.array([error]), out)
+    ratios, limits = np.ones((1, 3)), np.full(3, NAN)
+    assert not conclude_steps(columns, np.array([bad]), np.array(times), np.array([error]), ratios, limits, EDGES, out)
     return out
 
 
@@ -42,6 +43,7 @@ def test_the_margins_of_a_step() -> None:
     assert (out.nu_ratio[0], out.nu_margin[0], out.certifiable_interval[0]) == (0.25, 0.75, 4.0)
     assert (out.clearance[0], out.clearance_witness[0].tolist()) == (1.5, [4, 5, 6, 7])
     assert out.rotation_angle[0] == 30.0
+    assert (out.bond_stretch[0], out.bond_stretch_edge[0].tolist()) == (1.0, [0, 1])
     assert (out.verdict[0], out.scope[0], out.reason[0]) == (Verdict.CERTIFIED, Scope.MOTION, Reason.NONE)
 
 
@@ -126,14 +128,15 @@ def test_a_quotient_is_that_of_ieee_arithmetic(a: float, b: float) -> None:
 def test_the_greatest_stretch_is_that_of_the_first_edge_that_has_it(
     ratios: list[float], greatest: float, edge: list[int]
 ) -> None:
-    out = Outcomes.unknown(1)
-    greatest_stretches(np.array([ratios]), np.full(3, NAN), EDGES, out)
-    np.testing.assert_equal(out.bond_stretch[0], greatest)
-    assert out.bond_stretch_edge[0].tolist() == edge
+    stretch, stretch_edge = np.full(1, NAN), np.full((1, 2), -1)
+    greatest_stretches(np.array([ratios]), np.full(3, NAN), EDGES, stretch, stretch_edge)
+    np.testing.assert_equal(stretch[0], greatest)
+    assert stretch_edge[0].tolist() == edge
 
 
 def test_an_edge_at_its_limit_is_beyond_it() -> None:
     ratios, limits = np.array([[1.0, 1.0, 1.0], [1.0, 1.3, NAN]]), np.array([NAN, 1.3, 1.1])
-    assert greatest_stretches(ratios, limits, EDGES, Outcomes.unknown(2))
-    assert not greatest_stretches(ratios, np.nextafter(limits, INF), EDGES, Outcomes.unknown(2))
-    assert not greatest_stretches(ratios[:, :0], limits[:0], EDGES[:0], Outcomes.unknown(2))
+    out = np.empty(2), np.empty((2, 2), dtype=np.int64)
+    assert greatest_stretches(ratios, limits, EDGES, *out)
+    assert not greatest_stretches(ratios, np.nextafter(limits, INF), EDGES, *out)
+    assert not greatest_stretches(ratios[:, :0], limits[:0], EDGES[:0], *out)

@@ -16,7 +16,7 @@ from oracles.lattice import shifts_within
 
 from mdtopo import InputError, nu, polyline_step
 from mdtopo.records import Grade, MonitorConfig, PairClass, Reason, Rung, Scope, StepReport, Strands, Verdict
-from mdtopo.records.frames import has_volume
+from mdtopo.records.frames import LARGEST_COORDINATE, has_volume
 
 Points = NDArray[np.float64]
 Generator = np.random.Generator
@@ -154,6 +154,19 @@ def test_input_that_does_not_fit_is_refused() -> None:
         polyline_step(x, x, strands, cell_t0=np.eye(3))
     with pytest.raises(InputError, match="cell_t1 must be a"):
         polyline_step(x, x, strands, cell_t0=np.eye(3), cell_t1=np.ones((3, 3)))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_coordinate_may_be_as_large_as_a_hundred_metres_and_no_larger(sign: float) -> None:
+    strands, x, limit = Strands.from_lengths([3]), np.diag([1.0, 2.0, 3.0]), LARGEST_COORDINATE
+    x[1, 2] = sign * limit
+    assert polyline_step(x, x, strands, config=LAB).displacement_max == 0.0
+    for beyond in (np.nextafter(limit, np.inf), np.inf):
+        x[1, 2] = sign * beyond
+        with pytest.raises(
+            InputError, match="x_t0 cannot be used: 1 vertex has a coordinate that is not finite or bey"
+        ):
+            polyline_step(x, x, strands)
 
 
 FLAT = np.array([[10.0, 0, 0], [0, 10, 0], [10, 10, 0]])
