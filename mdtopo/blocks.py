@@ -1,10 +1,9 @@
 """The kernels over a block of frames: one call for whole strands, one for all of its steps.
 
-The hot path is columnar. A kernel runs over many steps and fills columns, because a Python object for each step would
-cost more than the mathematics.
+A kernel runs over many steps and fills their rows, because a Python object for each step would cost more than the
+mathematics.
 """
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,18 +21,17 @@ from mdtopo.curves import (
     whole_strands,
     write_edge_lengths,
 )
-from mdtopo.extremes import N_RUNGS
 from mdtopo.geometry.lattice import basis_of, reduced_basis, store_basis, total_length
 from mdtopo.geometry.rigid import covariance
-from mdtopo.ladder import measure_step
-from mdtopo.records import Rung
+from mdtopo.ladder import StepMeasure, measure_step
+from mdtopo.records import PairClass
+from mdtopo.steprows import StepRow, StepRows
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-CodeArray = NDArray[np.int8]
 BoolArray = NDArray[np.bool_]
 
-EXACT, OPEN = int(Rung.EXACT), int(Rung.OPEN)
+LOCAL, SELF, INTER = int(PairClass.LOCAL), int(PairClass.SELF), int(PairClass.INTER)
 
 
 class WholeFrames(NamedTuple):
@@ -55,42 +53,6 @@ class WholeFrames(NamedTuple):
         if count == len(self.positions):
             return self
         return type(self)._make(array[:count] for array in self)
-
-
-class Columns(NamedTuple):
-    """The columns that the kernel writes, one row per step."""
-
-    displacement: FloatArray
-    displacement_vertex: IntArray
-    angle: FloatArray
-    is_turned: BoolArray
-    translation: FloatArray
-    nu: FloatArray
-    nu_witness: IntArray
-    nu_class: CodeArray
-    ratio: FloatArray
-    ratio_witness: IntArray
-    clearances: FloatArray
-    clearance_witness: IntArray
-    rung: CodeArray
-    rung_pairs: IntArray
-    cell_ok: BoolArray
-    jump: IntArray
-
-    def part(self, rows: slice) -> "Columns":
-        """Return views of some rows; all of them as they are."""
-        if rows.stop - rows.start == len(self.rung):
-            return self
-        return type(self)._make(array[rows] for array in self)
-
-    def settle(self, row: int, undecided: int, still_open: int) -> None:
-        """Note that exact arithmetic has decided some pairs of a step that the ladder left undecided."""
-        if not undecided:
-            return
-        self.rung_pairs[row, EXACT] += undecided - still_open
-        self.rung_pairs[row, OPEN] -= undecided - still_open
-        if not self.rung_pairs[row, OPEN]:
-            self.rung[row] = EXACT
 
 
 @njit(cache=True, nogil=True)
@@ -188,7 +150,7 @@ def measure_steps(
     trace: IntArray,
     local_pairs: IntArray,
     end_terms: IntArray,
-    out: Columns,
+    rows: StepRows,
 ) -> tuple[IntArray, Found]:
     """Measure each step whose two frames can be used, and write its row; other rows stay as they are.
 
@@ -202,55 +164,46 @@ def measure_steps(
     reach, starts = 0.0, np.zeros((len(frames.positions), 2), dtype=np.int64)
     total = Found(np.empty((0, 14)), np.empty((0, 6), dtype=np.int64))
     for k in range(len(frames.positions) - 1):
-        starts[k + 1] = starts[k]
+        starts[k + 1], row = starts[k], rows[k]
+        row["image_jumps"] = frames.jumps[k + 1]
         if not measurable[k]:
             continue
         motion = motion_of(frames, k, periodic, rigid, rotations[k], vertices, offsets)
-        out.is_turned[k], out.cell_ok[k] = motion.is_turned, motion.usable
-        out.translation[k, 0], out.translation[k, 1], out.translation[k, 2] = motion.translation
+        row["is_turned"], row["cell_ok"] = motion.is_turned, motion.usable
+        for axis in range(3):
+            row["translation"][axis] = motion.translation[axis]
         if not motion.usable:
             continue
         if periodic:
-            out.jump[k] = jumping_edge(motion, edges)
-            if out.jump[k] >= 0:
+            row["jumping_edge"] = jumping_edge(motion, edges)
+            if row["jumping_edge"] >= 0:
                 continue
         m = measure_step(motion, periodic, edges, following, trace, local_pairs, end_terms, reach)
-        reach, out.cell_ok[k] = m.needed_reach, m.countable
-        out.displacement[k], out.displacement_vertex[k] = m.displacement, m.displacement_vertex
-        out.nu[k], out.nu_class[k], out.ratio[k], out.rung[k] = m.nu, m.nu_class, m.ratio, m.rung
-        out.nu_witness[k, :], out.ratio_witness[k, :] = m.nu_witness, m.ratio_witness
-        out.clearances[k, :], out.clearance_witness[k, :, :] = m.clearances, m.clearance_witness
-        out.rung_pairs[k, :] = m.rung_pairs
+        reach = m.needed_reach
+        write_measure(m, row)
         if len(m.found.passages) + len(m.found.undecided) > 0:
             total = both_found(total, m.found)
             starts[k + 1, 0], starts[k + 1, 1] = len(total.passages), len(total.undecided)
     return starts, total
 
 
-def empty_columns(n: int) -> Columns:
-    """Return columns for n steps, none of them measured."""
-    return Columns._make([column.copy() for column in _unmeasured(n)])
+@njit(cache=True, nogil=True)
+def write_measure(m: StepMeasure, row: StepRow) -> None:
+    """Write what the ladder has found in a step."""
+    row["cell_ok"], row["rung"], row["rung_pairs"][:] = m.countable, m.rung, m.rung_pairs
+    row["displacement_max"], row["displacement_vertex"] = m.displacement, m.displacement_vertex
+    row["nu"], row["nu_class"], row["pair_ratio"] = m.nu, m.nu_class, m.ratio
+    write_pair(m.nu_witness, row["nu_pair"])
+    write_pair(m.ratio_witness, row["pair_ratio_pair"])
+    row["clearance_local"], row["clearance_self"] = m.clearances[LOCAL], m.clearances[SELF]
+    row["clearance_inter"] = m.clearances[INTER]
+    write_pair(m.clearance_witness[LOCAL], row["clearance_local_pair"])
+    write_pair(m.clearance_witness[SELF], row["clearance_self_pair"])
+    write_pair(m.clearance_witness[INTER], row["clearance_inter_pair"])
 
 
-@lru_cache(maxsize=8)
-def _unmeasured(n: int) -> Columns:
-    """Return columns to copy, which costs half as much as making them."""
-    number, index, code = np.full((n, 3), np.nan), np.full((n, 3, 4), -1, dtype=np.int64), np.full(n, -1, dtype=np.int8)
-    return Columns(
-        displacement=number[:, 0],
-        displacement_vertex=index[:, 0, 0],
-        angle=number[:, 0],
-        is_turned=np.zeros(n, dtype=np.bool_),
-        translation=number,
-        nu=number[:, 0],
-        nu_witness=index[:, 0],
-        nu_class=code,
-        ratio=number[:, 0],
-        ratio_witness=index[:, 0],
-        clearances=number,
-        clearance_witness=index,
-        rung=np.full(n, OPEN, dtype=np.int8),
-        rung_pairs=np.zeros((n, N_RUNGS), dtype=np.int64),
-        cell_ok=np.ones(n, dtype=np.bool_),
-        jump=index[:, 0, 0],
-    )
+@njit(cache=True, nogil=True)
+def write_pair(witness: IntArray, pair: IntArray) -> None:
+    """Write the vertices a, b, c, d as [[a, b], [c, d]]."""
+    pair[0, 0], pair[0, 1] = witness[0], witness[1]
+    pair[1, 0], pair[1, 1] = witness[2], witness[3]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mdtopo.blocks import Columns
 from mdtopo.curveblocks import KINDS, SINGLE, CurveColumns, Segments, control_points, measure_curves
 from mdtopo.errors import StrandError
 from mdtopo.geometry.curvemeeting import place_in_space
@@ -16,6 +15,7 @@ from mdtopo.geometry.splines import HIGHEST_DEGREE
 from mdtopo.passages import Decided, Meeting, StepData, crossing_table, meeting_of
 from mdtopo.planning import BlockPlan, Stretch
 from mdtopo.records import Crossings, CurveVerdict, MonitorConfig, Reason, Shape, Strands, Traces
+from mdtopo.steprows import StepRows
 from mdtopo.typing import BezierPoints, Codes, Flags, Indices
 
 
@@ -72,7 +72,7 @@ class CurveRows:
         self,
         plan: BlockPlan,
         part: Stretch,
-        rows: Columns,
+        rows: StepRows,
         rotations: NDArray[np.float64],
         strands: Strands,
         config: MonitorConfig,
@@ -85,7 +85,7 @@ class CurveRows:
         columns = CurveColumns._make(array[part.steps] for array in self.columns)
         starts, found = measure_curves(
             part.frames,
-            ~np.isnan(rows.displacement) & rows.cell_ok,
+            ~np.isnan(rows["displacement_max"]) & rows["cell_ok"],
             periodic,
             rigid,
             rotations,

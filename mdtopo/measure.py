@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from mdtopo.audit import changed_invariants
-from mdtopo.blocks import Columns, covariances, empty_columns, measure_steps
+from mdtopo.blocks import covariances, measure_steps
 from mdtopo.curverows import CurveRows
 from mdtopo.curves import greatest_magnitude
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
-from mdtopo.outcomes import Outcomes, conclude_steps
+from mdtopo.outcomes import conclude_steps
 from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
 from mdtopo.profiles import part_profile
@@ -19,18 +19,16 @@ from mdtopo.records import (
     Crossings,
     FrameBlock,
     MonitorConfig,
-    PairClass,
     Profile,
     StepTable,
     Strands,
     Stretches,
 )
 from mdtopo.spheres import PLACING_ERROR
+from mdtopo.steprows import StepRows, columns_of, settle, unmeasured
 from mdtopo.typing import Flags, Indices, Lengths, PointSeries
 
 IDENTITY = np.eye(3)
-
-LOCAL, SELF, INTER = int(PairClass.LOCAL), int(PairClass.SELF), int(PairClass.INTER)
 
 
 def measure_block(block: FrameBlock, setting: Setting) -> tuple[StepTable, Setting]:
@@ -66,23 +64,23 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     listed. Steps that hold an unusable frame are UNRESOLVED. The same holds of the smooth curve, for ``curve_verdict``.
     """
     n = plan.block.n_steps
-    columns, outcomes, curve = empty_columns(n), Outcomes.unknown(n), CurveRows.empty(n, config.curve)
+    rows, curve = unmeasured(n), CurveRows.empty(n, config.curve)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)
     rotations: list[PointSeries] = []
     crossings: list[Crossings] = []
     for part in plan.parts:
-        measurable, rows = ~bad[part.steps], columns.part(part.steps)
+        measurable, own = ~bad[part.steps], rows[part.steps]
         rotations.append(_rotations(plan, part, measurable, config))
-        crossings += _measure_part(plan, part, measurable, rotations[-1], strands, config, rows, outcomes)
-        curve.measure(plan, part, rows, rotations[-1], strands, config)
+        crossings += _measure_part(plan, part, measurable, rotations[-1], strands, config, own)
+        curve.measure(plan, part, own, rotations[-1], strands, config)
     errors, limits = _errors(plan.block, config), plan.limits.stretch
-    any_beyond = conclude_steps(columns, bad, plan.block.times, errors, plan.ratios, limits, strands.edges, outcomes)
+    any_beyond = conclude_steps(rows, bad, plan.block.times, errors, plan.ratios, limits, strands.edges)
     stretches = _stretches(plan, strands) if any_beyond else Stretches.none()
-    table = _table(plan, columns, outcomes, curve, Crossings.joined(crossings), stretches)
+    table = _table(plan, rows, curve, Crossings.joined(crossings), stretches)
     if not config.profile_steps:
         return table
     profiles = [
-        part_profile(plan, part, columns.part(part.steps), outcomes.clearance[part.steps], turned, config)
+        part_profile(plan, part, rows[part.steps], turned, config)
         for part, turned in zip(plan.parts, rotations, strict=True)
     ]
     return replace(table, profile=Profile.joined(profiles))
@@ -108,12 +106,11 @@ def _measure_part(
     rotations: PointSeries,
     strands: Strands,
     config: MonitorConfig,
-    rows: Columns,
-    outcomes: Outcomes,
+    rows: StepRows,
 ) -> Iterator[Crossings]:
     """Run the kernel over the steps of one part, fill their rows, and yield the crossings of each."""
     t, rigid, periodic = part.traces, config.motion == "rigid", plan.block.cells is not None
-    rows.angle[:] = rotation_angles(rotations) if rigid else 0.0
+    rows["rotation_angle"] = rotation_angles(rotations) if rigid else 0.0
     starts, found = measure_steps(
         part.frames,
         measurable,
@@ -131,23 +128,25 @@ def _measure_part(
     )
     has_rings = bool(t.closed.any())
     for k in _to_settle(starts, rows, config.audit and has_rings):
-        of_step, row = found.rows(starts[k], starts[k + 1]), part.steps.start + k
+        of_step, row = found.rows(starts[k], starts[k + 1]), rows[k]
         step = StepData(plan, part, k, rotations[k], rigid)
         decided = decide_exactly(of_step, step, t.edges)
-        rows.settle(k, len(of_step.undecided), len(decided.open_pairs))
-        outcomes.reason[row], outcomes.n_crossings[row] = decided.reason, len(decided.passages)
-        frames = plan.block.frames[row : row + 2]
+        settle(row, len(of_step.undecided), len(decided.open_pairs))
+        row["reason"], row["n_crossings"] = decided.reason, len(decided.passages)
+        frames = plan.block.frames[step.row : step.row + 2]
         changed = changed_invariants(step.motion, t, decided, f"frames {frames[0]}-{frames[1]}") if has_rings else set()
         if len(decided.passages):
-            number = plan.block.first_step + row
+            number = plan.block.first_step + step.row
             yield crossing_table(decided, step, t, changed, number, frames, strands, config.resolution_length)
 
 
-def _to_settle(starts: Indices, rows: Columns, audit: bool) -> list[int]:
+def _to_settle(starts: Indices, rows: StepRows, audit: bool) -> list[int]:
     """Return the measured steps in which the kernel has found something, or all of them for an audit."""
     n_found = [n_passages + n_undecided for n_passages, n_undecided in starts.tolist()]
     steps = enumerate(pairwise(n_found))
-    return [k for k, (before, after) in steps if after > before or (audit and not np.isnan(rows.displacement[k]))]
+    return [
+        k for k, (before, after) in steps if after > before or (audit and not np.isnan(rows["displacement_max"][k]))
+    ]
 
 
 def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
@@ -161,73 +160,37 @@ def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
     return errors
 
 
-def _table(
-    plan: BlockPlan, columns: Columns, outcomes: Outcomes, curve: CurveRows, crossings: Crossings, stretches: Stretches
-) -> StepTable:
+def _table(plan: BlockPlan, rows: StepRows, curve: CurveRows, crossings: Crossings, stretches: Stretches) -> StepTable:
     block = plan.block
     return StepTable(
         first_step=block.first_step,
         stretches=stretches,
         broken=plan.broken,
-        problems=_problems(plan, columns),
+        problems=_problems(plan, rows),
         crossings=crossings,
         frame_t0=block.frames[:-1],
         frame_t1=block.frames[1:],
         time_t0=block.times[:-1],
         time_t1=block.times[1:],
-        displacement_max=columns.displacement,
-        displacement_vertex=columns.displacement_vertex,
-        rotation_angle=outcomes.rotation_angle,
-        translation=columns.translation,
-        nu=columns.nu,
-        nu_pair=columns.nu_witness.reshape(-1, 2, 2),
-        nu_class=columns.nu_class,
-        nu_ratio=outcomes.nu_ratio,
-        nu_margin=outcomes.nu_margin,
-        pair_ratio=columns.ratio,
-        pair_ratio_pair=columns.ratio_witness.reshape(-1, 2, 2),
-        clearance=outcomes.clearance,
-        clearance_pair=outcomes.clearance_witness.reshape(-1, 2, 2),
-        clearance_local=columns.clearances[:, LOCAL],
-        clearance_local_pair=columns.clearance_witness[:, LOCAL].reshape(-1, 2, 2),
-        clearance_self=columns.clearances[:, SELF],
-        clearance_self_pair=columns.clearance_witness[:, SELF].reshape(-1, 2, 2),
-        clearance_inter=columns.clearances[:, INTER],
-        clearance_inter_pair=columns.clearance_witness[:, INTER].reshape(-1, 2, 2),
-        bond_stretch=outcomes.bond_stretch,
-        bond_stretch_edge=outcomes.bond_stretch_edge,
-        certifiable_interval=outcomes.certifiable_interval,
-        verdict=outcomes.verdict,
-        scope=outcomes.scope,
-        n_crossings=outcomes.n_crossings,
-        image_jumps=_image_jumps(plan),
-        rung=columns.rung,
-        reason=outcomes.reason,
-        rung_pairs=columns.rung_pairs,
-        **curve.values(block.first_step, outcomes.reason),
+        **columns_of(rows),
+        **curve.values(block.first_step, rows["reason"]),
     )
 
 
-def _problems(plan: BlockPlan, columns: Columns) -> tuple[str, ...]:
+def _problems(plan: BlockPlan, rows: StepRows) -> tuple[str, ...]:
     """Return what is wrong with each step in words, where an edge is lost among its images too."""
     if plan.block.cells is None:
         return plan.problems
     problems = list(plan.problems)
     for part in plan.parts:
-        for k in np.flatnonzero(columns.jump[part.steps] >= 0):
-            a, b = part.traces.edges[columns.jump[part.steps][k]]
+        jumping = rows["jumping_edge"][part.steps]
+        for k in np.flatnonzero(jumping >= 0):
+            a, b = part.traces.edges[jumping[k]]
             problems[part.steps.start + k] = (
                 f"the edge of vertices {a} and {b} is about half a cell long and jumps by a lattice vector, so that "
                 "nobody can tell which image it joins"
             )
     return tuple(problems)
-
-
-def _image_jumps(plan: BlockPlan) -> Indices:
-    jumps = np.zeros(plan.block.n_steps, dtype=np.int64)
-    for part in plan.parts:
-        jumps[part.steps] = part.frames.jumps[1:]
-    return jumps
 
 
 def _stretches(plan: BlockPlan, strands: Strands) -> Stretches:

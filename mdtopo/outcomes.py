@@ -1,116 +1,78 @@
 """What follows from the measures of a step: its verdict and why, what a certificate is about, and its margins."""
 
 import math
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.blocks import OPEN, Columns
 from mdtopo.records import Reason, Scope, Verdict
+from mdtopo.steprows import OPEN, StepRow, StepRows
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-CodeArray = NDArray[np.int8]
 BoolArray = NDArray[np.bool_]
 
 UNRESOLVED, CERTIFIED, CROSSING = int(Verdict.UNRESOLVED), int(Verdict.CERTIFIED), int(Verdict.CROSSING)
 NONE, LADDER, BAD_DATA = int(Reason.NONE), int(Reason.LADDER), int(Reason.BAD_DATA)
 CELL, IMAGE_JUMP = int(Reason.CELL), int(Reason.IMAGE_JUMP)
-NOTHING, STORED, MOTION = int(Scope.NONE), int(Scope.STORED), int(Scope.MOTION)
-
-
-class Outcomes(NamedTuple):
-    """Columns that follow from those of the kernel, one row per step; named like those of `StepTable`.
-
-    Exact arithmetic writes `n_crossings`, and into `reason` why it left pairs open, before the rest is concluded.
-    """
-
-    rotation_angle: FloatArray
-    nu_ratio: FloatArray
-    nu_margin: FloatArray
-    clearance: FloatArray
-    clearance_witness: IntArray
-    bond_stretch: FloatArray
-    bond_stretch_edge: IntArray
-    certifiable_interval: FloatArray
-    verdict: CodeArray
-    scope: CodeArray
-    reason: CodeArray
-    n_crossings: IntArray
-
-    @classmethod
-    def unknown(cls, n: int) -> "Outcomes":
-        """Return rows of n steps, of which nothing is known."""
-        return cls._make([column.copy() for column in _unknown(n)])
-
-
-@lru_cache(maxsize=8)
-def _unknown(n: int) -> Outcomes:
-    number, index, code = np.full(n, np.nan), np.full((n, 4), -1, dtype=np.int64), np.zeros(n, dtype=np.int8)
-    return Outcomes(
-        rotation_angle=number,
-        nu_ratio=number,
-        nu_margin=number,
-        clearance=number,
-        clearance_witness=index,
-        bond_stretch=number,
-        bond_stretch_edge=index[:, :2].copy(),
-        certifiable_interval=number,
-        verdict=code + np.int8(UNRESOLVED),
-        scope=code + np.int8(NOTHING),
-        reason=code + np.int8(NONE),
-        n_crossings=np.zeros(n, dtype=np.int64),
-    )
+STORED, MOTION = int(Scope.STORED), int(Scope.MOTION)
 
 
 @njit(cache=True, nogil=True)
 def conclude_steps(
-    columns: Columns,
+    rows: StepRows,
     bad: BoolArray,
     times: FloatArray,
     errors: FloatArray,
     ratios: FloatArray,
     limits: FloatArray,
     edges: IntArray,
-    out: Outcomes,
 ) -> bool:
-    """Write what follows from the row of each step; return whether any edge is beyond its stretch limit.
+    """Write into the row of each step what follows from it; return whether any edge is beyond its stretch limit.
 
     Parameters
     ----------
-    columns : Columns
-        What was measured.
+    rows : StepRows
+        What was measured. Exact arithmetic has written `n_crossings`, and into `reason` why it left pairs open.
     bad : ndarray of bool, shape (n_steps,)
         Whether a step holds an unusable frame.
     times : ndarray, shape (n_steps + 1,)
         Of the frames, ps.
     errors : ndarray, shape (n_steps,)
         How far each of two points may be from where the file, or the rotation, has put it, Å.
-    ratios, limits, edges : ndarray
-        See `greatest_stretches`.
-    out : Outcomes
+    ratios : ndarray, shape (n_steps, n_edges)
+        Length of each edge over its reference length; NaN where it is broken, or the reference is unknown.
+    limits : ndarray, shape (n_edges,)
+        The ratio from which on an edge counts as stretched.
+    edges : ndarray of int, shape (n_edges, 2)
     """
-    for k in range(len(bad)):
-        is_measured = not math.isnan(columns.displacement[k])
-        if is_measured:
-            out.rotation_angle[k] = columns.angle[k] if columns.is_turned[k] else 0.0
-        out.nu_ratio[k] = quotient(2.0 * columns.displacement[k], columns.nu[k])
-        out.nu_margin[k] = 0.5 * columns.nu[k] - columns.displacement[k]
-        out.certifiable_interval[k] = quotient(times[k + 1] - times[k], columns.ratio[k])
-        kind = least_clearance(columns.clearances[k])
-        if columns.clearances[k, kind] < np.inf:
-            out.clearance[k] = columns.clearances[k, kind]
-        out.clearance_witness[k, :] = columns.clearance_witness[k, kind]
-        if out.n_crossings[k] > 0:
-            out.verdict[k] = CROSSING
-        elif is_measured and columns.rung[k] != OPEN:
-            out.verdict[k] = CERTIFIED
-            out.scope[k] = scope_of(out.clearance[k], errors[k])
-        out.reason[k] = reason_of(columns, k, bad[k], out.verdict[k], out.reason[k])
-    return greatest_stretches(ratios, limits, edges, out.bond_stretch, out.bond_stretch_edge)
+    any_beyond = False
+    for k in range(len(rows)):
+        conclude_step(rows[k], bad[k], times[k + 1] - times[k], errors[k])
+        write_greatest_stretch(ratios[k], edges, rows[k])
+        for e in range(len(edges)):
+            any_beyond |= ratios[k, e] >= limits[e]
+    return any_beyond
+
+
+@njit(cache=True, nogil=True)
+def conclude_step(row: StepRow, bad: bool, duration: float, error: float) -> None:
+    """Write margins, verdict, scope and reason of one step; see `conclude_steps`."""
+    displacement, is_measured = row["displacement_max"], not math.isnan(row["displacement_max"])
+    if not is_measured:
+        row["rotation_angle"] = np.nan
+    elif not row["is_turned"]:
+        row["rotation_angle"] = 0.0
+    row["nu_ratio"] = quotient(2.0 * displacement, row["nu"])
+    row["nu_margin"] = 0.5 * row["nu"] - displacement
+    row["certifiable_interval"] = quotient(duration, row["pair_ratio"])
+    write_least_clearance(row)
+    if row["n_crossings"] > 0:
+        row["verdict"] = CROSSING
+    elif is_measured and row["rung"] != OPEN:
+        row["verdict"], row["scope"] = CERTIFIED, scope_of(row["clearance"], error)
+    row["reason"] = reason_of(row, bad)
 
 
 @njit(cache=True, nogil=True)
@@ -120,13 +82,18 @@ def quotient(a: float, b: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def least_clearance(clearances: FloatArray) -> int:
-    """Return which class has the least clearance, the first of equals; classes without a pair (NaN) have none."""
-    least, kind = np.inf, 0
-    for c in range(len(clearances)):
-        if clearances[c] < least:
-            least, kind = clearances[c], c
-    return kind
+def write_least_clearance(row: StepRow) -> None:
+    """Write the least of the three clearances and its pair, the first of equals; a class without a pair has none."""
+    least, pair = np.inf, row["clearance_local_pair"]
+    if row["clearance_local"] < least:
+        least = row["clearance_local"]
+    if row["clearance_self"] < least:
+        least, pair = row["clearance_self"], row["clearance_self_pair"]
+    if row["clearance_inter"] < least:
+        least, pair = row["clearance_inter"], row["clearance_inter_pair"]
+    row["clearance_pair"][:, :] = pair
+    if least < np.inf:
+        row["clearance"] = least
 
 
 @njit(cache=True, nogil=True)
@@ -142,43 +109,25 @@ def scope_of(clearance: float, error: float) -> int:
 
 
 @njit(cache=True, nogil=True)
-def reason_of(columns: Columns, k: int, bad: bool, verdict: int, found: int) -> int:
-    """Return why step k is UNRESOLVED; `found` is what exact arithmetic has to say of its open pairs."""
+def reason_of(row: StepRow, bad: bool) -> int:
+    """Return why a step is UNRESOLVED; `reason` still is what exact arithmetic has to say of its open pairs."""
     if bad:
         return BAD_DATA
-    if columns.jump[k] >= 0:
+    if row["jumping_edge"] >= 0:
         return IMAGE_JUMP
-    if not columns.cell_ok[k]:
+    if not row["cell_ok"]:
         return CELL
-    if verdict != UNRESOLVED:
+    if row["verdict"] != UNRESOLVED:
         return NONE
-    return LADDER if found == NONE else found
+    return LADDER if row["reason"] == NONE else row["reason"]
 
 
 @njit(cache=True, nogil=True)
-def greatest_stretches(
-    ratios: FloatArray, limits: FloatArray, edges: IntArray, stretch: FloatArray, stretch_edge: IntArray
-) -> bool:
-    """Write the edge that is stretched most in each step; return whether any is beyond its limit.
-
-    Parameters
-    ----------
-    ratios : ndarray, shape (n_steps, n_edges)
-        Length over reference length; NaN of edges that are broken, and where it is unknown.
-    limits : ndarray, shape (n_edges,)
-        The ratio from which on an edge counts as stretched.
-    edges : ndarray of int, shape (n_edges, 2)
-    stretch, stretch_edge : ndarray, shape (n_steps,) and (n_steps, 2)
-        Are written to where a ratio is known, and finite.
-    """
-    any_beyond = False
-    for k in range(len(ratios)):
-        greatest, worst = -1.0, 0
-        for e in range(len(edges)):
-            if ratios[k, e] > greatest:
-                greatest, worst = ratios[k, e], e
-        for e in range(len(edges)):  # a loop of its own: it has no branch, and takes several edges at once
-            any_beyond |= ratios[k, e] >= limits[e]
-        if 0.0 <= greatest < np.inf:
-            stretch[k], stretch_edge[k, :] = greatest, edges[worst]
-    return any_beyond
+def write_greatest_stretch(ratios: FloatArray, edges: IntArray, row: StepRow) -> None:
+    """Write the greatest ratio to a reference length, and its edge, the first of equals."""
+    greatest, worst = -1.0, 0
+    for e in range(len(edges)):
+        if ratios[e] > greatest:
+            greatest, worst = ratios[e], e
+    if 0.0 <= greatest < np.inf:
+        row["bond_stretch"], row["bond_stretch_edge"][:] = greatest, edges[worst]

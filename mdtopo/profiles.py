@@ -2,16 +2,17 @@
 
 import numpy as np
 
-from mdtopo.blocks import Columns, motion_of
+from mdtopo.blocks import motion_of
 from mdtopo.planning import BlockPlan, Stretch
 from mdtopo.records import MonitorConfig, Profile
 from mdtopo.records.profile import rounded_down
-from mdtopo.typing import Flags, Lengths, PointSeries
+from mdtopo.steprows import StepRows
+from mdtopo.typing import Flags, PointSeries
 from mdtopo.vertexclearance import vertex_clearances
 
 
 def part_profile(
-    plan: BlockPlan, part: Stretch, rows: Columns, least: Lengths, rotations: PointSeries, config: MonitorConfig
+    plan: BlockPlan, part: Stretch, rows: StepRows, rotations: PointSeries, config: MonitorConfig
 ) -> Profile:
     """Return the profile of the steps of one part of a block, which have been measured.
 
@@ -19,10 +20,8 @@ def part_profile(
     ----------
     plan, part
         The block, and the part of it.
-    rows : Columns
+    rows : StepRows
         What was measured of the part's steps.
-    least : ndarray, shape (k,)
-        The clearance of each of them, Å; NaN where there is none.
     rotations : ndarray, shape (k, 3, 3)
         What was taken out of each.
     config : MonitorConfig
@@ -34,7 +33,7 @@ def part_profile(
     a run and shards are cut.
     """
     n_vertices = plan.block.positions.shape[1]
-    able = _able(rows, least)
+    able, least = _able(rows), rows["clearance"]
     if not able.any():
         return Profile.none(n_vertices)
     frames = plan.block.frames[part.steps.start : part.steps.stop]
@@ -55,6 +54,8 @@ def part_profile(
     return Profile(length, found, step, least[chosen], rounded_down(values))
 
 
-def _able(rows: Columns, least: Lengths) -> Flags:
+def _able(rows: StepRows) -> Flags:
     """Return which steps have a clearance to speak of: not one in which images cannot be told apart."""
-    return ~np.isnan(rows.displacement) & rows.cell_ok & (rows.jump < 0) & np.isfinite(least)
+    known: Flags = ~np.isnan(rows["displacement_max"]) & np.isfinite(rows["clearance"])
+    known &= rows["cell_ok"] & (rows["jumping_edge"] < 0)
+    return known

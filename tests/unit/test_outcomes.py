@@ -1,93 +1,108 @@
 """What follows from the measures of a step, by hand."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from mdtopo.blocks import Columns, empty_columns
-from mdtopo.outcomes import Outcomes, conclude_steps, greatest_stretches, least_clearance, quotient, scope_of
+from mdtopo.outcomes import conclude_steps, quotient, scope_of, write_greatest_stretch, write_least_clearance
 from mdtopo.records import Reason, Rung, Scope, Verdict
+from mdtopo.steprows import StepRow, StepRows, unmeasured
 
 NAN, INF = math.nan, math.inf
 EDGES = np.array([[0, 1], [1, 2], [2, 3]])
+CLASSES = ("local", "self", "inter")
 
 
-def measured() -> Columns:
+def measured() -> StepRows:
     """Return the row of a step that the ladder settles."""
-    columns = empty_columns(1)
-    columns.displacement[0], columns.nu[0], columns.ratio[0], columns.rung[0] = 0.25, 2.0, 0.5, Rung.BALL
-    columns.is_turned[0], columns.angle[0] = True, 30.0
-    columns.clearances[0], columns.clearance_witness[0] = (NAN, 3.0, 1.5), [[-1] * 4, [0, 1, 2, 3], [4, 5, 6, 7]]
-    return columns
+    rows = unmeasured(1)
+    rows["displacement_max"], rows["nu"], rows["pair_ratio"], rows["rung"] = 0.25, 2.0, 0.5, Rung.BALL
+    rows["is_turned"], rows["rotation_angle"] = True, 30.0
+    with_clearances(rows[0], (NAN, 3.0, 1.5))
+    return rows
+
+
+def with_clearances(row: StepRow, clearances: Sequence[float]) -> None:
+    """Write the clearances of the three classes, each with a pair of its own."""
+    for k, (name, clearance) in enumerate(zip(CLASSES, clearances, strict=True)):
+        row[f"clearance_{name}"], row[f"clearance_{name}_pair"] = clearance, pair_of(k)
+
+
+def pair_of(k: int) -> list[list[int]]:
+    return [[4 * k, 4 * k + 1], [4 * k + 2, 4 * k + 3]]
 
 
 def concluded(
-    columns: Columns,
+    rows: StepRows,
     *,
     bad: bool = False,
     times: tuple[float, float] = (1.0, 3.0),
     error: float = 0.0,
     n_crossings: int = 0,
     found: Reason = Reason.NONE,
-) -> Outcomes:
-    out = Outcomes.unknown(1)
-    out.n_crossings[0], out.reason[0] = n_crossings, found
+) -> StepRow:
+    rows = rows.copy()
+    rows["n_crossings"], rows["reason"] = n_crossings, found
     ratios, limits = np.ones((1, 3)), np.full(3, NAN)
-    assert not conclude_steps(columns, np.array([bad]), np.array(times), np.array([error]), ratios, limits, EDGES, out)
-    return out
+    assert not conclude_steps(rows, np.array([bad]), np.array(times), np.array([error]), ratios, limits, EDGES)
+    return rows[0]
 
 
 def test_the_margins_of_a_step() -> None:
-    out = concluded(measured())
-    assert (out.nu_ratio[0], out.nu_margin[0], out.certifiable_interval[0]) == (0.25, 0.75, 4.0)
-    assert (out.clearance[0], out.clearance_witness[0].tolist()) == (1.5, [4, 5, 6, 7])
-    assert out.rotation_angle[0] == 30.0
-    assert (out.bond_stretch[0], out.bond_stretch_edge[0].tolist()) == (1.0, [0, 1])
-    assert (out.verdict[0], out.scope[0], out.reason[0]) == (Verdict.CERTIFIED, Scope.MOTION, Reason.NONE)
+    row = concluded(measured())
+    assert (row["nu_ratio"], row["nu_margin"], row["certifiable_interval"]) == (0.25, 0.75, 4.0)
+    assert (row["clearance"], row["clearance_pair"].tolist()) == (1.5, pair_of(2))
+    assert row["rotation_angle"] == 30.0
+    assert (row["bond_stretch"], row["bond_stretch_edge"].tolist()) == (1.0, [0, 1])
+    assert (row["verdict"], row["scope"], row["reason"]) == (Verdict.CERTIFIED, Scope.MOTION, Reason.NONE)
 
 
 def test_a_rotation_that_was_not_taken_out_has_no_angle() -> None:
-    columns = measured()
-    columns.is_turned[0] = False
-    assert concluded(columns).rotation_angle[0] == 0.0
+    rows = measured()
+    rows["is_turned"] = False
+    assert concluded(rows)["rotation_angle"] == 0.0
 
 
 def test_nothing_follows_from_rows_that_were_not_measured() -> None:
-    out = concluded(empty_columns(1))
-    assert (out.verdict[0], out.scope[0], out.reason[0]) == (Verdict.UNRESOLVED, Scope.NONE, Reason.LADDER)
-    numbers = (out.rotation_angle, out.nu_ratio, out.nu_margin, out.clearance, out.certifiable_interval)
-    assert np.isnan(numbers).all()
-    assert out.clearance_witness[0].tolist() == [-1] * 4
+    rows = unmeasured(1)
+    rows["rotation_angle"] = 30.0  # what would have been taken out
+    row = concluded(rows)
+    assert (row["verdict"], row["scope"], row["reason"]) == (Verdict.UNRESOLVED, Scope.NONE, Reason.LADDER)
+    numbers = ("rotation_angle", "nu_ratio", "nu_margin", "clearance", "certifiable_interval")
+    assert np.isnan([row[name] for name in numbers]).all()
+    assert (row["clearance_pair"] == -1).all()
 
 
 @pytest.mark.parametrize("rung", list(Rung))
 def test_a_step_is_certified_by_every_rung_but_not_while_a_pair_is_open(rung: Rung) -> None:
-    columns = measured()
-    columns.rung[0] = rung
-    out = concluded(columns)
-    assert (out.verdict[0] == Verdict.CERTIFIED) == (rung is not Rung.OPEN)
-    assert (out.reason[0] == Reason.LADDER) == (rung is Rung.OPEN)
+    rows = measured()
+    rows["rung"] = rung
+    row = concluded(rows)
+    assert (row["verdict"] == Verdict.CERTIFIED) == (rung is not Rung.OPEN)
+    assert (row["reason"] == Reason.LADDER) == (rung is Rung.OPEN)
 
 
 @pytest.mark.parametrize("rung", [Rung.EXACT, Rung.OPEN])
 def test_a_passage_outweighs_what_is_open(rung: Rung) -> None:
-    columns = measured()
-    columns.rung[0] = rung
-    out = concluded(columns, n_crossings=1, found=Reason.TOUCH)
-    assert (out.verdict[0], out.scope[0], out.reason[0]) == (Verdict.CROSSING, Scope.NONE, Reason.NONE)
+    rows = measured()
+    rows["rung"] = rung
+    row = concluded(rows, n_crossings=1, found=Reason.TOUCH)
+    assert (row["verdict"], row["scope"], row["reason"]) == (Verdict.CROSSING, Scope.NONE, Reason.NONE)
 
 
 def test_the_reason_is_the_one_that_comes_first() -> None:
-    columns = measured()
-    columns.rung[0] = Rung.OPEN
-    assert concluded(columns).reason[0] == Reason.LADDER
-    assert concluded(columns, found=Reason.TOUCH).reason[0] == Reason.TOUCH
-    columns.cell_ok[0] = False
-    assert concluded(columns, found=Reason.TOUCH).reason[0] == Reason.CELL
-    columns.jump[0] = 0
-    assert concluded(columns, found=Reason.TOUCH).reason[0] == Reason.IMAGE_JUMP
-    assert concluded(columns, found=Reason.TOUCH, bad=True).reason[0] == Reason.BAD_DATA
+    rows = measured()
+    rows["rung"] = Rung.OPEN
+    assert concluded(rows)["reason"] == Reason.LADDER
+    assert concluded(rows, found=Reason.TOUCH)["reason"] == Reason.TOUCH
+    rows["cell_ok"] = False
+    assert concluded(rows, found=Reason.TOUCH)["reason"] == Reason.CELL
+    rows["jumping_edge"] = 0
+    assert concluded(rows, found=Reason.TOUCH)["reason"] == Reason.IMAGE_JUMP
+    assert concluded(rows, found=Reason.TOUCH, bad=True)["reason"] == Reason.BAD_DATA
 
 
 def test_what_was_rounded_away_must_fit_into_the_clearance() -> None:
@@ -103,7 +118,11 @@ def test_what_was_rounded_away_must_fit_into_the_clearance() -> None:
     [((3.0, 2.0, 1.0), 2), ((1.0, 1.0, 2.0), 0), ((NAN, 2.0, 2.0), 1), ((NAN, NAN, 0.0), 2), ((NAN, NAN, NAN), 0)],
 )
 def test_the_least_clearance_is_that_of_the_first_class_that_has_it(clearances: list[float], kind: int) -> None:
-    assert least_clearance(np.array(clearances)) == kind
+    rows = unmeasured(1)
+    with_clearances(rows[0], clearances)
+    write_least_clearance(rows[0])
+    np.testing.assert_equal(float(rows["clearance"][0]), clearances[kind])
+    assert rows["clearance_pair"][0].tolist() == pair_of(kind)
 
 
 @pytest.mark.parametrize(
@@ -128,15 +147,19 @@ def test_a_quotient_is_that_of_ieee_arithmetic(a: float, b: float) -> None:
 def test_the_greatest_stretch_is_that_of_the_first_edge_that_has_it(
     ratios: list[float], greatest: float, edge: list[int]
 ) -> None:
-    stretch, stretch_edge = np.full(1, NAN), np.full((1, 2), -1)
-    greatest_stretches(np.array([ratios]), np.full(3, NAN), EDGES, stretch, stretch_edge)
-    np.testing.assert_equal(stretch[0], greatest)
-    assert stretch_edge[0].tolist() == edge
+    rows = unmeasured(1)
+    write_greatest_stretch(np.array(ratios), EDGES, rows[0])
+    np.testing.assert_equal(float(rows["bond_stretch"][0]), greatest)
+    assert rows["bond_stretch_edge"][0].tolist() == edge
 
 
 def test_an_edge_at_its_limit_is_beyond_it() -> None:
     ratios, limits = np.array([[1.0, 1.0, 1.0], [1.0, 1.3, NAN]]), np.array([NAN, 1.3, 1.1])
-    out = np.empty(2), np.empty((2, 2), dtype=np.int64)
-    assert greatest_stretches(ratios, limits, EDGES, *out)
-    assert not greatest_stretches(ratios, np.nextafter(limits, INF), EDGES, *out)
-    assert not greatest_stretches(ratios[:, :0], limits[:0], EDGES[:0], *out)
+
+    def is_any_beyond(ratios: NDArray[np.float64], limits: NDArray[np.float64]) -> bool:
+        given = np.zeros(2, dtype=np.bool_), np.arange(3.0), np.zeros(2)
+        return conclude_steps(unmeasured(2), *given, ratios, limits, EDGES[: len(limits)])
+
+    assert is_any_beyond(ratios, limits)
+    assert not is_any_beyond(ratios, np.nextafter(limits, INF))
+    assert not is_any_beyond(ratios[:, :0], limits[:0])
