@@ -1,14 +1,19 @@
 """Which step of each window is looked at vertex by vertex, and what is found there."""
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
-from mdtopo.blocks import motion_of
+from mdtopo.blocks import WholeFrames, motion_of
 from mdtopo.planning import BlockPlan, Stretch
 from mdtopo.records import MonitorConfig, Profile
 from mdtopo.records.profile import rounded_down
 from mdtopo.steprows import StepRows
 from mdtopo.typing import Flags, PointSeries
 from mdtopo.vertexclearance import vertex_clearances
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 def part_profile(
@@ -44,14 +49,38 @@ def part_profile(
     chosen = order[first]
     found, chosen = found[able[chosen]], chosen[able[chosen]]
     t, periodic, rigid = part.traces, plan.block.cells is not None, config.motion == "rigid"
-    values = np.empty((len(chosen), n_vertices))
-    for position, k in enumerate(chosen.tolist()):
-        motion = motion_of(part.frames, k, periodic, rigid, rotations[k], t.vertices, t.offsets)
-        values[position] = vertex_clearances(
-            motion, periodic, t.edges, t.following, t.trace, t.local_pairs, float(least[k])
-        )
+    values = clearances_of_steps(
+        part.frames, chosen, least[chosen], periodic, rigid, rotations, t.vertices, t.offsets, t.edges, t.following, t.trace,
+        t.local_pairs,
+    )  # fmt: skip
     step = plan.block.first_step + part.steps.start + chosen
     return Profile(length, found, step, least[chosen], rounded_down(values))
+
+
+@njit(cache=True, nogil=True)
+def clearances_of_steps(
+    frames: WholeFrames,
+    steps: IntArray,
+    least: FloatArray,
+    periodic: bool,
+    rigid: bool,
+    rotations: FloatArray,
+    vertices: IntArray,
+    offsets: IntArray,
+    edges: IntArray,
+    following: IntArray,
+    trace: IntArray,
+    local_pairs: IntArray,
+) -> FloatArray:
+    """Return what `vertex_clearances` says of some steps of a block, shape (n_steps, n_vertices).
+
+    `least` is the clearance of each of these steps.
+    """
+    values = np.empty((len(steps), len(frames.positions[0])))
+    for position, k in enumerate(steps):
+        motion = motion_of(frames, k, periodic, rigid, rotations[k], vertices, offsets)
+        values[position] = vertex_clearances(motion, periodic, edges, following, trace, local_pairs, least[position])
+    return values
 
 
 def _able(rows: StepRows) -> Flags:

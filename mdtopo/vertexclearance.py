@@ -13,9 +13,10 @@ from mdtopo.contacts import corners_of
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.bisection import bisected_clearance
 from mdtopo.geometry.distances import closest_points, dual_bound
-from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
+from mdtopo.geometry.lattice import Basis, Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import (
     BOUND_ERROR,
+    Corners,
     cheap_bounds,
     direction_clearance,
     hull_clearance,
@@ -24,12 +25,16 @@ from mdtopo.geometry.pairs import (
     relative_motion,
 )
 from mdtopo.geometry.passage import PASSES, moving_pair, passages
-from mdtopo.geometry.vectors import add, norm, row, subtract
+from mdtopo.geometry.vectors import Vector, add, dot, norm, subtract
 from mdtopo.ladder import WIDEST_REACH
 from mdtopo.reach import REACH_GUARD, has_pairs, pairs_in_reach
 from mdtopo.rungs import are_neighbours
 from mdtopo.spheres import (
+    HALF,
     LEAST_SLACK,
+    MID0,
+    MID1,
+    MOTION,
     PLACING_ERROR,
     SPAN0,
     SPAN1,
@@ -71,8 +76,8 @@ def vertex_clearances(
     ---------
     Proven: a pair of edges that share no vertex, of which one ends in vertex v, in any periodic image, is at least so
     far apart at every time of the step; 0 where they meet, or this is not proved. NaN where v has no such pair. What is
-    further away than every local pair (or, without one, than `WIDEST_REACH` mean edge lengths) is not looked for, and
-    the value does not exceed that.
+    further away than the nearest edge that is known already is not looked for, nor what is further away than
+    `WIDEST_REACH` mean edge lengths, which no value exceeds.
     """
     of_edge = edge_clearances(motion, periodic, edges, following, trace, local_pairs)
     found = np.full(len(motion.x0), np.nan)
@@ -100,107 +105,177 @@ def edge_clearances(
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
     spheres, least = spheres_of(motion, edges), np.full(len(edges), np.inf)
-    no_images = np.empty((0, 3), dtype=np.int64)
-    lower_bounds(local_pairs, no_images, True, motion, edges, following, spheres, slack, placing, least)
-    widest, reach = WIDEST_REACH * mean_edge_length(spheres), 0.0
-    for e in range(len(edges)):
-        reach = max(reach, min(least[e], widest))
-    pads = np.empty(len(edges))
-    for e in range(len(edges)):
-        pads[e] = 0.5 * (reach + spheres.motion[e]) * REACH_GUARD + slack
-    pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
-    if not countable:
-        return np.zeros(len(edges))
-    lower_bounds(pairs, images, False, motion, edges, following, spheres, slack, placing, least)
     has_self, has_inter = has_pairs(trace, following, periodic)
+    widest = WIDEST_REACH * mean_edge_length(spheres) if has_self or has_inter else np.inf
+    ceilings, no_images = np.full(len(edges), widest), np.empty((0, 3), dtype=np.int64)
+    lower_ceilings(local_pairs, spheres, slack, ceilings)
+    if has_self or has_inter:
+        pads = ceiling_pads(ceilings, spheres, slack)
+        pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
+        if not countable:
+            return np.zeros(len(edges))
+        pairs, images = near_pairs(pairs, images, motion, following, spheres, slack, ceilings)
+        lower_bounds(pairs, images, motion, edges, spheres, slack, placing, ceilings, least)
+    lower_bounds(local_pairs, no_images, motion, edges, spheres, slack, placing, ceilings, least)
     for e in range(len(edges)):
-        if has_self or has_inter:
-            least[e] = min(least[e], reach)
-        elif least[e] == np.inf:
+        least[e] = min(least[e], ceilings[e])
+        if least[e] == np.inf:
             least[e] = np.nan
     return least
+
+
+@njit(cache=True, nogil=True)
+def lower_ceilings(pairs: IntArray, spheres: Spheres, slack: float, ceilings: FloatArray) -> None:
+    """Lower the ceiling of both edges of each pair, none of them an image, to what its clearance cannot exceed.
+
+    That is the distance of two points, with room for rounding: the clearance is below it in rounding too.
+    """
+    rows = spheres.rows
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        centre0 = subtract(part_of(rows, j, MID0), part_of(rows, i, MID0))
+        centre1 = subtract(part_of(rows, j, MID1), part_of(rows, i, MID1))
+        start = squared_distance(centre0, part_of(rows, i, SPAN0), part_of(rows, j, SPAN0))
+        end = squared_distance(centre1, part_of(rows, i, SPAN1), part_of(rows, j, SPAN1))
+        ceiling = np.sqrt(min(start, end)) * REACH_GUARD + slack
+        ceilings[i], ceilings[j] = min(ceilings[i], ceiling), min(ceilings[j], ceiling)
+
+
+@njit(cache=True, nogil=True)
+def squared_distance(centre: Vector, first: Vector, second: Vector) -> float:
+    """Return the least squared distance of an end of one edge to one of the other, or of their midpoints, Å²."""
+    across, along = subtract(second, first), add(first, second)
+    ac, bd, ad, bc = subtract(centre, across), add(centre, across), add(centre, along), subtract(centre, along)
+    ends = min(min(dot(ac, ac), dot(bd, bd)), min(dot(ad, ad), dot(bc, bc)))
+    return min(ends, dot(centre, centre))
+
+
+@njit(cache=True, nogil=True)
+def ceiling_pads(ceilings: FloatArray, spheres: Spheres, slack: float) -> FloatArray:
+    """Return by how much the edges are enlarged, Å, so that every pair that may lower one of its two bounds is found.
+
+    With any T, max(T/2, c - T/2) of one edge and of another are together not less than the greater of their c. Where T
+    is about the middle of them, most pads are about half a ceiling. What is further apart by half of both motions has
+    a clearance above both ceilings by the relative motion alone. For what rounding adds see `search_pads`.
+    """
+    half, pads = 0.5 * np.mean(ceilings), np.empty(len(ceilings))
+    for e in range(len(ceilings)):
+        pad = (max(half, ceilings[e] - half) + 0.5 * spheres.motion[e]) * REACH_GUARD + slack
+        pads[e] = pad + 4.0 * BOUND_ERROR * (spheres.half[e] + spheres.motion[e] + pad)
+    return pads
+
+
+@njit(cache=True, nogil=True)
+def near_pairs(
+    pairs: IntArray,
+    images: IntArray,
+    motion: StepMotion,
+    following: IntArray,
+    spheres: Spheres,
+    slack: float,
+    ceilings: FloatArray,
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs, and their images, that are not local and may come nearer than a ceiling for all that slabs say.
+
+    The ceilings of these are lowered.
+    """
+    basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+    rows, image, has_images = spheres.rows, (0, 0, 0), len(images) > 0
+    found, found_images, count = np.empty_like(pairs), np.empty_like(images), 0
+    for k in range(len(pairs)):
+        i, j = pairs[k, 0], pairs[k, 1]
+        if has_images:
+            image = (images[k, 0], images[k, 1], images[k, 2])
+        if image == (0, 0, 0) and are_neighbours(i, j, following):
+            continue
+        centre0, centre1, image_move = centres(rows, i, j, image, basis0, basis1)
+        f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
+        f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
+        halves, moved = rows[i, HALF] + rows[j, HALF], rows[i, MOTION] + rows[j, MOTION] + image_move + slack
+        wanted = max(ceilings[i], ceilings[j])
+        if is_far(centre0, centre1, f0, g0, f1, g1, halves, moved, wanted, np.inf, slack):
+            continue
+        found[count, 0], found[count, 1] = i, j
+        if has_images:
+            found_images[count, 0], found_images[count, 1], found_images[count, 2] = image
+        count += 1
+        squared = min(squared_distance(centre0, f0, g0), squared_distance(centre1, f1, g1))
+        ceiling = np.sqrt(squared) * REACH_GUARD + slack
+        ceilings[i], ceilings[j] = min(ceilings[i], ceiling), min(ceilings[j], ceiling)
+    return found[:count], found_images[:count]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def centres(
+    rows: FloatArray, i: int, j: int, image: Counts, basis0: Basis, basis1: Basis
+) -> tuple[Vector, Vector, float]:
+    """Return the vectors from midpoint to midpoint at both ends, and how far the image of the second edge moves."""
+    centre0 = subtract(part_of(rows, j, MID0), part_of(rows, i, MID0))
+    centre1 = subtract(part_of(rows, j, MID1), part_of(rows, i, MID1))
+    if image == (0, 0, 0):
+        return centre0, centre1, 0.0
+    shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+    return add(centre0, shift0), add(centre1, shift1), norm(subtract(shift1, shift0))
 
 
 @njit(cache=True, nogil=True)
 def lower_bounds(
     pairs: IntArray,
     images: IntArray,
-    local: bool,
     motion: StepMotion,
     edges: IntArray,
-    following: IntArray,
     spheres: Spheres,
     slack: float,
     placing: float,
+    ceilings: FloatArray,
     least: FloatArray,
 ) -> None:
-    """Lower the bound of both edges of each pair to what is proved of it; where not `local`, local pairs are left out.
+    """Lower the bound of both edges of each pair to what is proved of it.
 
-    A pair whose cheap bounds show that it lowers neither is passed over.
+    A pair whose cheap bounds show that it lowers neither is passed over; the bound of an edge is to be no more than its
+    ceiling in the end. (For the arrays that are named outside the loop see `mdtopo.rungs.climb_pairs`.)
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    mid0, mid1, rows, half = spheres.mid0, spheres.mid1, spheres.rows, spheres.half
-    moves, image_move, image = spheres.motion, 0.0, (0, 0, 0)
+    rows, image, has_images, x0, x1 = spheres.rows, (0, 0, 0), len(images) > 0, motion.x0, motion.x1
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
-        centre0, centre1 = subtract(row(mid0, j), row(mid0, i)), subtract(row(mid1, j), row(mid1, i))
-        if not local:
-            if len(images) > 0:
-                image = (images[k, 0], images[k, 1], images[k, 2])
-            if image != (0, 0, 0):
-                shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
-                centre0, centre1 = add(centre0, shift0), add(centre1, shift1)
-                image_move = norm(subtract(shift1, shift0))
-            elif are_neighbours(i, j, following):
-                continue
-            else:
-                image_move = 0.0
+        if has_images:
+            image = (images[k, 0], images[k, 1], images[k, 2])
+        shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+        centre0, centre1, _ = centres(rows, i, j, image, basis0, basis1)
         f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
         f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
-        wanted = max(least[i], least[j])
-        moved = moves[i] + moves[j] + image_move + slack
-        if is_far(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], moved, wanted, np.inf, slack):
-            continue
-        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, half[i] + half[j], slack)
+        wanted = max(min(ceilings[i], least[i]), min(ceilings[j], least[j]))
+        halves = rows[i, HALF] + rows[j, HALF]
+        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, halves, slack)
         known = max(gap, 0.5 * (low0 + low1 - rho))
         if known > 0.0 and known >= wanted:
             continue
-        rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + half[i] + half[j])
+        rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + halves)
         low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
         low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
         known = max(known, 0.5 * (low0 + low1 - rho))
         if known > 0.0 and known >= wanted:
             continue
-        bound = max(known, pair_clearance(i, j, image, (gap, low0, low1), motion, edges, placing))
+        start, end = corners_of(i, j, shift0, shift1, x0, x1, edges)
+        bound = max(known, pair_clearance(start, end, (gap, low0, low1), placing))
         least[i], least[j] = min(least[i], bound), min(least[j], bound)
 
 
 @njit(cache=True, nogil=True)
-def pair_clearance(
-    i: int,
-    j: int,
-    image: Counts,
-    bounds: tuple[float, float, float],
-    motion: StepMotion,
-    edges: IntArray,
-    placing: float,
-) -> float:
+def pair_clearance(start: Corners, end: Corners, bounds: tuple[float, float, float], placing: float) -> float:
     """Return the clearance of one pair of edges by the cheapest rung that proves one, Å; 0 where none does.
 
     Parameters
     ----------
-    i, j : int
-        The edges.
-    image : tuple of 3 int
-        The image of the second one.
+    start, end : Corners
+        Ends of the two edges at both ends of the step.
     bounds : tuple of 3 floats
         Proven already: of the distance at all times, and at both ends of the step.
-    motion, edges, placing
-        As for `mdtopo.rungs.climb_pairs`.
+    placing : float
+        Rounding of the positions, Å.
     """
     gap, low0, low1 = bounds
-    shift0, shift1 = lattice_vector(image, basis_of(motion.cell0)), lattice_vector(image, basis_of(motion.cell1))
-    start, end = corners_of(i, j, shift0, shift1, motion.x0, motion.x1, edges)
     _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
     _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
     low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)

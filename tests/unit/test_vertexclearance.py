@@ -10,10 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mdtopo.curves import StepMotion
+from mdtopo.ladder import WIDEST_REACH
 from mdtopo.pipeline import step_tables
 from mdtopo.readers import ReaderRequest, Source, open_reader
-from mdtopo.records import MonitorConfig, StepTable, Strands, Verdict
+from mdtopo.records import MonitorConfig, StepTable, Strands, Traces, Verdict
 from mdtopo.records.profile import rounded_down
+from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, mean_edge_length, spheres_of
+from mdtopo.vertexclearance import edge_clearances, lower_bounds
 
 Points = NDArray[np.float64]
 SHAPES = (([9], [False]), ([8], [True]), ([6, 5, 4], [False, True, False]), ([2, 2, 3], [False] * 3))
@@ -219,3 +223,32 @@ def test_a_vertex_without_a_pair_has_no_value() -> None:
     table = table_of(np.stack([x, x]), Strands.from_lengths([3]))
     assert np.isnan(table.clearance).all()
     assert len(table.profile) == 0
+
+
+@pytest.mark.parametrize(("lengths", "closed"), [([120], [False]), ([60, 3, 2, 40], [False, False, False, True])])
+@pytest.mark.parametrize("size", [0.02, 0.3, 1.5])
+def test_what_is_passed_over_would_lower_nothing(lengths: list[int], closed: list[bool], size: float) -> None:
+    for seed in range(3):
+        x0, strands = chains(lengths, closed, seed)
+        rng, t, none = np.random.default_rng(seed), Traces.of(strands), np.zeros((3, 3))
+        x0 *= rng.uniform(0.5, 1.5, 3)  # so that edges differ in length, and in how near the next ones are
+        x1 = x0 + rng.normal(0, size, x0.shape)
+        motion = StepMotion(x0, x1, none, none, False, (0.0, 0.0, 0.0), True, 0.0)
+        spheres, slack = spheres_of(motion, t.edges), PLACING_ERROR * np.abs([x0, x1]).max() + LEAST_SLACK
+        both = combinations(range(len(t.edges)), 2)
+        pairs = np.array([(i, j) for i, j in both if not set(t.edges[i]) & set(t.edges[j])])
+        expected, unlimited = np.full(len(t.edges), np.inf), np.full(len(t.edges), np.inf)
+        no_images = np.empty((0, 3), dtype=np.int64)
+        lower_bounds(pairs, no_images, motion, t.edges, spheres, slack, 0.0, unlimited, expected)
+        expected = np.minimum(expected, WIDEST_REACH * mean_edge_length(spheres))
+        found = edge_clearances(motion, False, t.edges, t.following, t.trace, t.local_pairs)
+        np.testing.assert_array_equal(found, expected)
+        assert size > 1.0 or len(set(found.tolist())) > len(found) // 3
+
+
+def test_of_two_strands_far_from_each_other_no_value_exceeds_four_edges() -> None:
+    rods = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 3.9], [1, 0, 3.9], [0, 0, 100.0], [1, 0, 100.0]])
+    strands = Strands.from_lengths([2, 2, 2])
+    assert values_of(rods, rods, strands) == pytest.approx([3.9] * 4 + [4.0] * 2, rel=1e-6)
+    rods[2:4, 2] = 4.1
+    assert values_of(rods, rods, strands).tolist() == [4.0] * 6
