@@ -50,8 +50,8 @@ def part_profile(
     found, chosen = found[able[chosen]], chosen[able[chosen]]
     t, periodic, rigid = part.traces, plan.block.cells is not None, config.motion == "rigid"
     values = clearances_of_steps(
-        part.frames, chosen, least[chosen], periodic, rigid, rotations, t.vertices, t.offsets, t.edges, t.following, t.trace,
-        t.local_pairs,
+        part.frames, chosen, least[chosen], periodic, rigid, rotations, t.vertices, t.offsets, t.edges, t.following,
+        t.trace, t.local_pairs,
     )  # fmt: skip
     step = plan.block.first_step + part.steps.start + chosen
     return Profile(length, found, step, least[chosen], rounded_down(values))
