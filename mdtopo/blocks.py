@@ -70,13 +70,14 @@ def whole_frames(
     n_frames = len(positions)
     whole, is_copied = positions, False  # nobody writes to them: most often nothing has to be moved
     bases = np.zeros((n_frames, 3, 3))
-    lengths = np.full((n_frames, len(edges)), np.nan)
+    lengths = np.empty((n_frames, len(edges)))
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
     jumps, placing = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames)
     nothing = np.zeros((len(positions[0]) if periodic else 0, 3), dtype=np.int64)
     before, was_moved = nothing, False
     for k in range(n_frames):
         if not usable[k]:
+            lengths[k] = np.nan
             continue
         longest = write_edge_lengths(positions[k], edges, lengths[k])
         if not periodic:

@@ -1,6 +1,6 @@
 """Passages as rows of the table of crossings: in order of time, the edge with the lower first vertex first."""
 
-from typing import NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 from numba import njit
@@ -10,53 +10,37 @@ from mdtopo.records import Grade
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-CodeArray = NDArray[np.int8]
 
 UNDERSAMPLED, RESOLVED = int(Grade.UNDERSAMPLED), int(Grade.RESOLVED)
 
 
-class CrossingRows(NamedTuple):
-    """The columns of `mdtopo.records.Crossings`, under the same names."""
+CrossingRows: TypeAlias = NDArray[Any]
+"""Records of type `ROW`, one for each passage."""
 
-    step: IntArray
-    frame_t0: IntArray
-    frame_t1: IntArray
-    t: FloatArray
-    edges: IntArray
-    parameters: FloatArray
-    point: FloatArray
-    sign: IntArray
-    image: IntArray
-    grade: CodeArray
-    object: CodeArray
-    motion: FloatArray
-    resolution: FloatArray
+ROW = np.dtype(
+    [
+        ("step", np.int64),
+        ("frame_t0", np.int64),
+        ("frame_t1", np.int64),
+        ("t", np.float64),
+        ("edges", np.int64, (2, 2)),
+        ("parameters", np.float64, (2,)),
+        ("point", np.float64, (3,)),
+        ("sign", np.int64),
+        ("image", np.int64, (3,)),
+        ("grade", np.int8),
+        ("object", np.int8),
+        ("motion", np.float64),
+        ("resolution", np.float64),
+    ],
+    align=True,
+)
+"""The columns of `mdtopo.records.Crossings`, under the same names."""
 
-    @classmethod
-    def empty(cls, n: int) -> "CrossingRows":
-        """Return n rows that are yet to be written."""
 
-        def number(*width: int) -> FloatArray:
-            return np.empty((n, *width))
-
-        def count(*width: int) -> IntArray:
-            return np.empty((n, *width), dtype=np.int64)
-
-        return cls(
-            step=count(),
-            frame_t0=count(),
-            frame_t1=count(),
-            t=number(),
-            edges=count(2, 2),
-            parameters=number(2),
-            point=number(3),
-            sign=count(),
-            image=count(3),
-            grade=np.empty(n, dtype=np.int8),
-            object=np.empty(n, dtype=np.int8),
-            motion=number(),
-            resolution=number(),
-        )
+def columns_of(rows: CrossingRows) -> dict[str, NDArray[Any]]:
+    """Return the columns of a table that the rows hold, as views of them."""
+    return {name: rows[name] for name in ROW.fields or ()}
 
 
 def in_order_of_time(passages: FloatArray, edges: IntArray) -> FloatArray:
@@ -91,7 +75,7 @@ def write_rows(
     frame_t1: int,
     shape: int,
     resolution: float,
-    out: CrossingRows,
+    rows: CrossingRows,
 ) -> None:
     """Write passages as rows of the table.
 
@@ -105,20 +89,18 @@ def write_rows(
         Of all of them.
     resolution : float
         Resolution length, Å; NaN for the length of the shorter edge.
-    out : CrossingRows
-        Of n rows.
+    rows : CrossingRows
+        n of them, to be written to.
     """
     for k in range(len(passages)):
-        row, first, second, direction = passages[k], 0, 1, 1
+        found, row, first, second, direction = passages[k], rows[k], 0, 1, 1
         if is_swapped(passages, k, edges):
             first, second, direction = 1, 0, -1
-        i, j = int(row[first]), int(row[second])
-        out.step[k], out.frame_t0[k], out.frame_t1[k], out.object[k] = step, frame_t0, frame_t1, shape
-        out.t[k], out.sign[k], out.motion[k] = row[5], int(row[11]), row[12]
-        out.edges[k, 0, 0], out.edges[k, 0, 1] = edges[i, 0], edges[i, 1]
-        out.edges[k, 1, 0], out.edges[k, 1, 1] = edges[j, 0], edges[j, 1]
-        out.parameters[k, 0], out.parameters[k, 1] = row[6 + first], row[6 + second]
+        row["step"], row["frame_t0"], row["frame_t1"], row["object"] = step, frame_t0, frame_t1, shape
+        row["t"], row["sign"], row["motion"] = found[5], int(found[11]), found[12]
+        row["edges"][0, :], row["edges"][1, :] = edges[int(found[first])], edges[int(found[second])]
+        row["parameters"][0], row["parameters"][1] = found[6 + first], found[6 + second]
         for axis in range(3):
-            out.image[k, axis], out.point[k, axis] = direction * int(row[2 + axis]), row[8 + axis]
-        out.resolution[k] = row[13] if np.isnan(resolution) else resolution
-        out.grade[k] = RESOLVED if row[12] < out.resolution[k] else UNDERSAMPLED
+            row["image"][axis], row["point"][axis] = direction * int(found[2 + axis]), found[8 + axis]
+        row["resolution"] = found[13] if np.isnan(resolution) else resolution
+        row["grade"] = RESOLVED if found[12] < row["resolution"] else UNDERSAMPLED

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mdtopo.blocks import motion_of
 from mdtopo.contacts import Found, passage_row
-from mdtopo.crossingrows import CrossingRows, in_order_of_time, is_swapped, write_rows
+from mdtopo.crossingrows import ROW, CrossingRows, columns_of, in_order_of_time, is_swapped, write_rows
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.lattice import Counts
 from mdtopo.geometry.rational import FREE, PASSAGE, ExactCorners, exact_passages
@@ -199,15 +199,14 @@ def crossing_table(
     passages = in_order_of_time(decided.passages, traces.edges)
     if step.cells is not None:
         _move_home(passages, traces.edges, step.motion)
-    rows = CrossingRows.empty(len(passages))
+    rows = np.empty(len(passages), dtype=ROW)
     length = math.nan if resolution is None else resolution
     write_rows(passages, traces.edges, number, int(frames[0]), int(frames[1]), int(shape), length, rows)
     if step.cells is not None:
-        image, point = _as_stored(rows, step, step.cells[0])
-        rows = rows._replace(image=image, point=point)
+        rows["image"], rows["point"] = _as_stored(rows, step, step.cells[0])
     if changed:
-        rows.grade[[meeting_of(row, traces) in changed for row in passages]] = PROVEN
-    return Crossings(strands, **rows._asdict())
+        rows["grade"][[meeting_of(row, traces) in changed for row in passages]] = PROVEN
+    return Crossings(strands, **columns_of(rows))
 
 
 def meeting_of(row: NDArray[Any], traces: Traces) -> Meeting:
@@ -226,11 +225,11 @@ def _move_home(passages: NDArray[np.float64], edges: Indices, motion: StepMotion
 
 def _as_stored(rows: CrossingRows, step: StepData, cell: Cell) -> tuple[Indices, Points]:
     """Return images and points seen from where the first frame stores the edges, not from where strands are whole."""
-    m, tails = step.motion, rows.edges[:, :, 0]
+    m, tails = step.motion, rows["edges"][:, :, 0]
     moved = m.x0[tails] - step.stored[0][tails]
     counts = lattice_counts(moved.reshape(-1, 3), m.cell0).reshape(-1, 2, 3)
-    seen = (rows.image + counts[:, 1] - counts[:, 0]) @ lattice_counts(m.cell0, cell)
-    return seen, rows.point - _moving_vectors(counts[:, 0], rows.t, m)
+    seen = (rows["image"] + counts[:, 1] - counts[:, 0]) @ lattice_counts(m.cell0, cell)
+    return seen, rows["point"] - _moving_vectors(counts[:, 0], rows["t"], m)
 
 
 def _moving_vectors(counts: Indices, t: NDArray[np.float64], motion: StepMotion) -> Points:
