@@ -46,8 +46,7 @@ def columns_of(rows: CrossingRows) -> dict[str, NDArray[Any]]:
 def in_order_of_time(passages: FloatArray, edges: IntArray) -> FloatArray:
     """Return the rows of `mdtopo.contacts.Found` in order of time, and of equal times by the first vertices."""
     low, high = first_vertices(passages, edges)
-    ordered: FloatArray = passages[np.lexsort((high, low, passages[:, 5]))]
-    return ordered
+    return passages.take(np.lexsort((high, low, passages[:, 5])), axis=0)
 
 
 @njit(cache=True, nogil=True)
@@ -96,9 +95,11 @@ def write_rows(
         found, row, first, second, direction = passages[k], rows[k], 0, 1, 1
         if is_swapped(passages, k, edges):
             first, second, direction = 1, 0, -1
+        i, j = int(found[first]), int(found[second])
         row["step"], row["frame_t0"], row["frame_t1"], row["object"] = step, frame_t0, frame_t1, shape
         row["t"], row["sign"], row["motion"] = found[5], int(found[11]), found[12]
-        row["edges"][0, :], row["edges"][1, :] = edges[int(found[first])], edges[int(found[second])]
+        for end in range(2):
+            row["edges"][0, end], row["edges"][1, end] = edges[i, end], edges[j, end]
         row["parameters"][0], row["parameters"][1] = found[6 + first], found[6 + second]
         for axis in range(3):
             row["image"][axis], row["point"][axis] = direction * int(found[2 + axis]), found[8 + axis]

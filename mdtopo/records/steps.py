@@ -327,41 +327,25 @@ class StepTable:
 
     def report(self, row: int) -> "StepReport":
         """Return one row as an object."""
-        step = self.first_step + row
-        names, columns = self._plain()
-        values: dict[str, Any] = {name: column.item(row) for name, column in zip(names, columns(self), strict=True)}
-        for name, members in self._coded():
-            values[name] = members[values[name]]
-        names, columns = self._wide()
-        for name, column in zip(names, columns(self), strict=True):
-            values[name] = column[row].copy()
-        return StepReport(
-            step=step,
-            problem=self.problems[row],
-            crossings=self.crossings.of_step(step),
-            curve_crossings=self.curve_crossings.of_step(step),
-            **values,
-        )
+        step, columns = self.first_step + row, self._all_columns()(self)
+        values: list[Any] = [column[row].copy() if column.ndim > 1 else column.item(row) for column in columns]
+        for position, members in self._coded():
+            values[position] = members[values[position]]
+        crossings, curve_crossings = self.crossings.of_step(step), self.curve_crossings.of_step(step)
+        return StepReport(step, self.problems[row], crossings, curve_crossings, *values)  # the columns, in their order
 
     @classmethod
     @cache
-    def _plain(cls) -> tuple[tuple[str, ...], Callable[["StepTable"], tuple[NDArray[Any], ...]]]:
-        """Return the names of the columns that hold one number each, codes included, and what gets them all."""
-        names = tuple(c.name for c in cls.columns() if not c.shape)
-        return names, attrgetter(*names)
+    def _all_columns(cls) -> Callable[["StepTable"], tuple[NDArray[Any], ...]]:
+        """Return what gets all columns of a table at once."""
+        return attrgetter(*(column.name for column in cls.columns()))
 
     @classmethod
     @cache
-    def _coded(cls) -> tuple[tuple[str, dict[int, IntEnum]], ...]:
-        """Return the names of the columns that hold codes, and what these stand for."""
-        return tuple((c.name, {int(member): member for member in c.enum}) for c in cls.columns() if c.enum is not None)
-
-    @classmethod
-    @cache
-    def _wide(cls) -> tuple[tuple[str, ...], Callable[["StepTable"], tuple[NDArray[Any], ...]]]:
-        """Return the names of the columns that hold several numbers each, and what gets them all."""
-        names = tuple(c.name for c in cls.columns() if c.shape)
-        return names, attrgetter(*names)
+    def _coded(cls) -> tuple[tuple[int, dict[int, IntEnum]], ...]:
+        """Return which columns hold codes, by position, and what the codes stand for."""
+        coded = ((position, column.enum) for position, column in enumerate(cls.columns()))
+        return tuple((position, {int(member): member for member in enum}) for position, enum in coded if enum)
 
     def reports(self) -> Iterator["StepReport"]:
         """Yield every row as an object, in step order."""
