@@ -212,9 +212,13 @@ class _Job:
         if checkpoint and self.output is not None and self.output.parts is not None:
             self.output.parts.note_end("put down", checkpoint)
             return replace(tally.summary(None, checkpoint), checkpoint=checkpoint)
-        self._say(stream.finish(), tally)
-        self.alert_file.finish()
-        return self._finish(tally, stopped)
+        try:
+            self._say(stream.finish(), tally)
+            self.alert_file.finish()
+            return self._finish(tally, stopped)
+        finally:
+            if self.output is not None and self.output.parts is not None and self.output.parts.has_only_part_open:
+                self.output.parts.close_part()
 
     @property
     def _is_resumed(self) -> bool:
@@ -240,7 +244,9 @@ class _Job:
                     if self.stop.reason:
                         return self._put_down()
             except TrajectoryError as error:
+                shelf.has_all = True
                 return str(error), ""
+            shelf.has_all = True
         return "", ""
 
     def _take(self, measured: Measured, tally: Tally, stream: AlertStream, shelf: "_Shelf") -> None:
@@ -264,23 +270,34 @@ class _Job:
         path, parts = self.output.path, self.output.parts
         if parts is None:
             return tally.summary(path, stopped)
-        bonds = self.output.bonds()
         try:
-            summary = assemble(
-                path,
-                self.output.head,
-                self.output.tables(),
-                bonds,
-                stopped=stopped,
-                overwrite=self.output.overwrite,
-                folder=folder_of(path),
-            )
+            summary = self._made_whole(self.output, parts, tally, stopped)
         except OutputError as error:
+            if not parts.parts:
+                raise
             raise OutputError(
                 f"{error} All {tally.counts.steps} steps are safe in {folder_of(path)}; run the same command again."
             ) from error
         discard(path)
         return summary
+
+    @staticmethod
+    def _made_whole(output: Output, parts: PartsWriter, tally: Tally, stopped: str) -> RunSummary:
+        """Make the results file, and return the summary; where all steps are in one open part, it becomes the file."""
+        if parts.has_only_part_open and (output.overwrite or not output.path.exists()):
+            summary = tally.summary(output.path, stopped)
+            parts.publish(summary.to_mapping(), complete=not stopped, overwrite=output.overwrite)
+            return summary
+        parts.close_part()
+        return assemble(
+            output.path,
+            output.head,
+            output.tables(),
+            output.bonds(),
+            stopped=stopped,
+            overwrite=output.overwrite,
+            folder=folder_of(output.path),
+        )
 
     def _say(self, alerts: Iterator[Alert], tally: Tally, *, again: bool = False) -> None:
         for alert in alerts:
@@ -295,9 +312,13 @@ class _Job:
 
 
 class _Shelf:
-    """Puts measured blocks into parts, and closes one when it is long enough or the run ends, however it ends."""
+    """Puts measured blocks into parts, and closes one when it is long enough or the run ends, however it ends.
+
+    A run that has measured all its steps before the first part was due leaves that one open, to become the results.
+    """
 
     def __init__(self, parts: PartsWriter | None, length: PartLength) -> None:
+        self.has_all = False
         self._parts = parts
         self._length = length
         self._begun = time.monotonic()
@@ -324,7 +345,7 @@ class _Shelf:
             return
         if kind is not None and issubclass(kind, OutputError):
             self._parts.abandon_part()
-        else:
+        elif not (kind is None and self.has_all and self._parts.has_only_part_open):
             self._parts.close_part()
 
 

@@ -250,6 +250,7 @@ class PartsWriter:
     _last_frame: int = -1
     _start: BondState | None = None
     _end: BondState | None = None
+    _early: list[Alert] = field(default_factory=list)
 
     def begin(self) -> None:
         """Make the state file, and remove what a killed writer left behind."""
@@ -266,28 +267,70 @@ class PartsWriter:
     def append(self, table: StepTable, start: BondState, end: BondState) -> None:
         """Add the steps of a table; `start` and `end` are the bonds at their first and last frame."""
         if self._writer is None:
-            path = folder_of(self.out) / f"part-{table.first_step:010d}.h5"
-            self._writer = self.head.writer(path)
             self._first_step, self._n_steps, self._start = table.first_step, 0, start
+            self._writer = self.head.writer(self._open_path)
+            for alert in self._early:
+                self._writer.append_alert(alert)
+            self._early = []
         self._writer.append(table)
         self._n_steps += len(table)
         self._last_frame, self._end = int(table.frame_t1[-1]), end
 
     def append_alert(self, alert: Alert) -> None:
-        """Add an alert to the part that is being written, if there is one: readers of a running output see it there."""
+        """Add an alert to the part that is being written, if there is one: readers of a running output see it there.
+
+        What is said before the first step goes into the first part.
+        """
         if self._writer is not None:
             self._writer.append_alert(alert)
+        elif not self.parts:
+            self._early.append(alert)
 
     def close_part(self) -> None:
         """Finish the part that is being written, if there is one, then the state file."""
         if self._writer is None or self._start is None or self._end is None:
             return
         writer, self._writer = self._writer, None
-        bonds = self._start, self._end
-        writer.add_bonds(*bonds)
+        writer.add_bonds(self._start, self._end)
         writer.finish({}, complete=False)
-        path = folder_of(self.out) / f"part-{self._first_step:010d}.h5"
-        self.parts.append(Part(path, self._first_step, self._n_steps, self._last_frame, bonds))
+        self._note_part(self._start, self._end)
+
+    @property
+    def has_only_part_open(self) -> bool:
+        """Whether all steps that there are lie in the part that is being written."""
+        return self._writer is not None and self._writer.is_open and not self.parts
+
+    def publish(self, summary: Mapping[str, Any], *, complete: bool, overwrite: bool) -> None:
+        """Finish the only part, which is being written, as the results file itself.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written, or cannot have its name. In the latter case it is a finished part then.
+        """
+        assert self._writer is not None
+        assert self._start is not None
+        assert self._end is not None
+        self._writer.rename(self.out, overwrite=overwrite)
+        writer, self._writer = self._writer, None
+        writer.add_bonds(self._start, self._end)
+        try:
+            writer.finish(summary, complete=complete)
+        except OutputError as error:
+            if not writer.partial.exists():
+                raise
+            path = self._open_path
+            writer.partial.replace(path)
+            self._note_part(self._start, self._end)
+            raise OutputError(str(error).replace(str(writer.partial), str(path))) from error
+
+    @property
+    def _open_path(self) -> Path:
+        return folder_of(self.out) / f"part-{self._first_step:010d}.h5"
+
+    def _note_part(self, start: BondState, end: BondState) -> None:
+        part = Part(self._open_path, self._first_step, self._n_steps, self._last_frame, (start, end))
+        self.parts.append(part)
         self._n_steps = 0
         self._write_state()
 

@@ -197,6 +197,27 @@ class ResultsWriter:
         """Add edges that had broken before the first step; they are stored as of step -1."""
         self._broken.extend(replace(edge, step=-1) for edge in broken)
 
+    @property
+    def partial(self) -> Path:
+        """Where the file is until it has its name."""
+        return self._partial
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the file is being written still."""
+        return self._is_open
+
+    def rename(self, path: Path, *, overwrite: bool) -> None:
+        """Let the file get another name in the end, in a directory of the same file system.
+
+        Raises
+        ------
+        OutputError
+            As `create`.
+        """
+        check_target(path, overwrite=overwrite)
+        self._path, self._overwrite = path, overwrite
+
     def finish(self, summary: Mapping[str, Any], *, complete: bool = True) -> None:
         """Write what is held back, then `complete`, then give the file its name.
 

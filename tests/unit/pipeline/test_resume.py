@@ -88,6 +88,63 @@ class StopsAfter(StopRequest):
         return "enough" if self.left <= 0 else ""
 
 
+def test_a_run_of_one_part_is_written_once(trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, other = tmp_path / "run.h5", tmp_path / "other.h5"
+    mdtopo.monitor(trajectory, out=other, parts=SHORT)
+    monkeypatch.setattr("mdtopo.pipeline.run.assemble", lambda *_, **__: pytest.fail("it is written again"))
+    summary = mdtopo.monitor(trajectory, out=out)
+    assert summary.results == out
+    assert not folder_of(out).exists()
+    assert kill_runs.contents(out) == kill_runs.contents(other)
+    with pytest.raises(pytest.fail.Exception):
+        mdtopo.monitor(trajectory, out=tmp_path / "third.h5", parts=SHORT)
+
+
+def test_one_part_that_cannot_have_its_name_is_kept_and_gone_on_with(
+    trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, other = tmp_path / "run.h5", tmp_path / "other.h5"
+    mdtopo.monitor(trajectory, out=other)
+    replace = Path.replace
+
+    def refused(self: Path, target: Path) -> Path:
+        if target == out:
+            raise OSError(errno.EPERM, "it is not permitted")
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", refused)
+    part = folder_of(out) / "part-0000000000.h5"
+    with pytest.raises(OutputError, match=rf"not permitted.*{part}.*All 239 steps are safe"):
+        mdtopo.monitor(trajectory, out=out)
+    assert not list(folder_of(out).glob(".*"))
+    monkeypatch.undo()
+    assert read_running(out).n_steps == 239
+    mdtopo.monitor(trajectory, out=out, on_progress=lambda _: pytest.fail("a step is measured again"))
+    assert kill_runs.contents(out) == kill_runs.contents(other)
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_what_fails_behind_the_last_step_costs_no_step(
+    trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, taken: bool
+) -> None:
+    out, other = tmp_path / "run.h5", tmp_path / "other.h5"
+    mdtopo.monitor(trajectory, out=other)
+
+    def fails(_: object) -> None:
+        if not taken:
+            raise OutputError("the alerts are full")
+        out.write_text("somebody else's")
+
+    monkeypatch.setattr("mdtopo.pipeline.alertfile.AlertFile.finish", fails)
+    with pytest.raises(OutputError, match="exists already.*All 239 steps are safe" if taken else "alerts are full"):
+        mdtopo.monitor(trajectory, out=out)
+    assert read_running(out).n_steps == 239
+    monkeypatch.undo()
+    out.unlink(missing_ok=True)
+    mdtopo.monitor(trajectory, out=out, on_progress=lambda _: pytest.fail("a step is measured again"))
+    assert kill_runs.contents(out) == kill_runs.contents(other)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_no_bit_depends_on_threads_parts_or_stops(trajectory: Path, tmp_path: Path, threads: int) -> None:
     whole, other = tmp_path / "whole.h5", tmp_path / "other.h5"
