@@ -22,7 +22,7 @@ from mdtopo.curves import (
     write_edge_lengths,
 )
 from mdtopo.geometry.lattice import basis_of, reduced_basis, store_basis, total_length
-from mdtopo.geometry.rigid import covariance
+from mdtopo.geometry.rigid import covariance_about, group_centroids
 from mdtopo.ladder import StepMeasure, measure_step
 from mdtopo.records import PairClass
 from mdtopo.steprows import StepRow, StepRows
@@ -106,9 +106,12 @@ def covariances(
 ) -> tuple[FloatArray, FloatArray]:
     """Return covariance, shape (k, 3, 3), and size of each step's two frames; zero where it is not measurable."""
     found, sizes = np.zeros((len(measurable), 3, 3)), np.zeros(len(measurable))
+    after = np.empty((len(groups) - 1, 3))
     for k in range(len(measurable)):
         if measurable[k]:
-            found[k], sizes[k] = covariance(positions[k], positions[k + 1], vertices, groups)
+            before = after if k > 0 and measurable[k - 1] else group_centroids(positions[k], vertices, groups)
+            after = group_centroids(positions[k + 1], vertices, groups)
+            found[k], sizes[k] = covariance_about(before, after, positions[k], positions[k + 1], vertices, groups)
     return found, sizes
 
 

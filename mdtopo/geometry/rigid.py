@@ -29,23 +29,49 @@ def covariance(
     Centroids of strands, not of the whole, because in a periodic box the image in which a strand was written is
     arbitrary: the sum does not depend on it.
     """
-    total, size = np.zeros((3, 3)), 0.0
-    for group in range(len(offsets) - 1):
+    before, after = group_centroids(x0, vertices, offsets), group_centroids(x1, vertices, offsets)
+    return covariance_about(before, after, x0, x1, vertices, offsets)
+
+
+@njit(cache=True, nogil=True)
+def group_centroids(
+    x: NDArray[np.float64], vertices: NDArray[np.int64], offsets: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the centroid of each group, shape (n_groups, 3); see `covariance`."""
+    found = np.empty((len(offsets) - 1, 3))
+    for group in range(len(found)):
         start, stop = offsets[group], offsets[group + 1]
-        c0, c1 = np.zeros(3), np.zeros(3)
+        a, b, c = 0.0, 0.0, 0.0
         for i in vertices[start:stop]:
-            for k in range(3):
-                c0[k] += x0[i, k]
-                c1[k] += x1[i, k]
-        c0 /= stop - start
-        c1 /= stop - start
-        for i in vertices[start:stop]:
-            for k in range(3):
-                a, b = x1[i, k] - c1[k], x0[i, k] - c0[k]
-                size += a * a + b * b
-                for m in range(3):
-                    total[k, m] += a * (x0[i, m] - c0[m])
-    return total, size
+            a, b, c = a + x[i, 0], b + x[i, 1], c + x[i, 2]
+        n = float(stop - start)
+        found[group, 0], found[group, 1], found[group, 2] = a / n, b / n, c / n
+    return found
+
+
+@njit(cache=True, nogil=True)
+def covariance_about(
+    before: NDArray[np.float64],
+    after: NDArray[np.float64],
+    x0: NDArray[np.float64],
+    x1: NDArray[np.float64],
+    vertices: NDArray[np.int64],
+    offsets: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], float]:
+    """Return what `covariance` does, where the centroids of x0 and x1 are known, shape (n_groups, 3)."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x_size, y_size, z_size = 0.0, 0.0, 0.0  # each sum on its own, so that none waits for another
+    for group in range(len(offsets) - 1):
+        p, q, r = before[group, 0], before[group, 1], before[group, 2]
+        u, v, w = after[group, 0], after[group, 1], after[group, 2]
+        for i in vertices[offsets[group] : offsets[group + 1]]:
+            a, b, c = x1[i, 0] - u, x1[i, 1] - v, x1[i, 2] - w
+            d, e, f = x0[i, 0] - p, x0[i, 1] - q, x0[i, 2] - r
+            xx, xy, xz = xx + a * d, xy + a * e, xz + a * f
+            yx, yy, yz = yx + b * d, yy + b * e, yz + b * f
+            zx, zy, zz = zx + c * d, zy + c * e, zz + c * f
+            x_size, y_size, z_size = x_size + (a * a + d * d), y_size + (b * b + e * e), z_size + (c * c + f * f)
+    return np.array([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]), x_size + y_size + z_size
 
 
 def best_rotations(correlations: NDArray[np.float64], sizes: NDArray[np.float64]) -> NDArray[np.float64]:
