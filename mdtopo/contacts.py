@@ -16,7 +16,7 @@ from mdtopo.extremes import Extremes, keep_clearance
 from mdtopo.geometry.bisection import bisected_clearance
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import Corners, hull_clearance, relative_motion
-from mdtopo.geometry.passage import FREE, MOST_PASSAGES, MOST_PIECES, PASSES, moving_pair, passages_within
+from mdtopo.geometry.passage import FREE, MOST_PASSAGES, PASSES, moving_pair, passages
 from mdtopo.geometry.vectors import Vector, add, norm, row, scale, subtract
 from mdtopo.records import Rung
 
@@ -76,7 +76,7 @@ def decide_open(
     """
     n_open = is_open.sum()
     rows, undecided = np.empty((MOST_PASSAGES * n_open, 14)), np.empty((n_open, 6), dtype=np.int64)
-    least, rung_pairs, lows, highs = best.least, best.rung_pairs, np.empty(MOST_PIECES), np.empty(MOST_PIECES)
+    least, rung_pairs = best.least, best.rung_pairs
     n_passages, n_undecided, image, kind = 0, 0, (0, 0, 0), 0
     x0, x1, basis0, basis1 = motion.x0, motion.x1, basis_of(motion.cell0), basis_of(motion.cell1)
     for k in range(len(pairs)):
@@ -89,7 +89,7 @@ def decide_open(
             kind = 1 if trace[i] == trace[j] else 2
         shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
         start, end = corners_of(i, j, shift0, shift1, x0, x1, edges)
-        state, count, meetings, signs = passages_within(start, end, placing, lows, highs)
+        state, count, meetings, signs = passages(start, end, placing)
         rung, clearance = EXACT, 0.0
         rho = relative_motion(start, end) + placing
         if state == PASSES:

@@ -9,7 +9,7 @@ from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
 from mdtopo.geometry.bundles import near_edges
 from mdtopo.geometry.lattice import basis_of
 from mdtopo.geometry.pairs import BOUND_ERROR
-from mdtopo.spheres import Spheres
+from mdtopo.spheres import Spheres, midpoints
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,7 +37,7 @@ def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> F
     pads = np.empty(len(spheres.half))
     for k in range(len(pads)):
         pad = max(0.5 * reach, share * spheres.motion[k]) * REACH_GUARD + slack
-        pads[k] = pad + 4.0 * BOUND_ERROR * (spheres.half[k] + spheres.motion[k] + pad)
+        pads[k] = pad + 8.0 * BOUND_ERROR * (spheres.half[k] + spheres.motion[k] + pad)
     return pads
 
 
@@ -52,8 +52,9 @@ def pairs_in_reach(
     if periodic:
         radii = spheres.half + pads
         basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-        if images_can_meet(spheres.mid0, spheres.mid1, radii, basis0, basis1):
-            return candidate_pairs(spheres.mid0, spheres.mid1, radii, motion.cell0, motion.cell1, periodic)
+        mid0, mid1 = midpoints(motion.x0, edges), midpoints(motion.x1, edges)
+        if images_can_meet(mid0, mid1, radii, basis0, basis1):
+            return candidate_pairs(mid0, mid1, radii, motion.cell0, motion.cell1, periodic)
     return near_edges(motion.x0, motion.x1, edges, trace, pads), np.empty((0, 3), dtype=np.int64), True
 
 

@@ -27,53 +27,61 @@ class Spheres(NamedTuple):
 
     Attributes
     ----------
-    mid0, mid1 : ndarray, shape (m, 3)
-        Midpoints at both ends of the step, Å.
     half, motion : ndarray, shape (m,)
         Greatest half length, and greatest motion of an end, Å.
-    rows : ndarray, shape (m, 14)
-        Midpoints and half edges at both ends, greatest half length and motion, once more: whoever looks at pairs of
-        edges finds all of one edge in two places in memory instead of ten.
     """
 
-    mid0: FloatArray
-    mid1: FloatArray
     half: FloatArray
     motion: FloatArray
-    rows: FloatArray
-
-
-MID0, MID1, SPAN0, SPAN1, HALF, MOTION = 0, 3, 6, 9, 12, 13
-"""Where in a row of `Spheres.rows` its parts begin."""
 
 
 @njit(cache=True, nogil=True)
 def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     """Return the bounding spheres of the edges, moving linearly; proven for all times, as lengths are convex in t."""
     m, x0, x1 = len(edges), motion.x0, motion.x1
-    mid0, mid1, half, moved = np.empty((m, 3)), np.empty((m, 3)), np.empty(m), np.empty(m)
-    rows = np.empty((m, 14))
+    half, moved = np.empty(m), np.empty(m)
     for k in range(m):
         a, b = edges[k, 0], edges[k, 1]
         a0, b0, a1, b1 = row(x0, a), row(x0, b), row(x1, a), row(x1, b)
         first, second = scale(0.5, subtract(b0, a0)), scale(0.5, subtract(b1, a1))
         from_a, from_b = subtract(a1, a0), subtract(b1, b0)
-        mid0[k, 0], mid0[k, 1], mid0[k, 2] = scale(0.5, add(a0, b0))
-        mid1[k, 0], mid1[k, 1], mid1[k, 2] = scale(0.5, add(a1, b1))
         half[k] = np.sqrt(max(dot(first, first), dot(second, second)))
         moved[k] = np.sqrt(max(dot(from_a, from_a), dot(from_b, from_b)))
-        for axis in range(3):
-            rows[k, MID0 + axis], rows[k, MID1 + axis] = mid0[k, axis], mid1[k, axis]
-        rows[k, SPAN0], rows[k, SPAN0 + 1], rows[k, SPAN0 + 2] = first
-        rows[k, SPAN1], rows[k, SPAN1 + 1], rows[k, SPAN1 + 2] = second
-        rows[k, HALF], rows[k, MOTION] = half[k], moved[k]
-    return Spheres(mid0, mid1, half, moved, rows)
+    return Spheres(half, moved)
+
+
+MID0, MID1, SPAN0, SPAN1, HALF, MOTION = 0, 3, 6, 9, 12, 13
+"""Where in a row of `edge_rows` its parts begin."""
+
+
+@njit(cache=True, nogil=True)
+def edge_rows(motion: StepMotion, edges: IntArray) -> FloatArray:
+    """Return midpoints and half edges at both ends of the step, and greatest half length and motion, shape (m, 14)."""
+    rows, spheres = np.empty((len(edges), 14)), spheres_of(motion, edges)
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        a0, b0, a1, b1 = row(motion.x0, a), row(motion.x0, b), row(motion.x1, a), row(motion.x1, b)
+        rows[k, MID0], rows[k, MID0 + 1], rows[k, MID0 + 2] = scale(0.5, add(a0, b0))
+        rows[k, MID1], rows[k, MID1 + 1], rows[k, MID1 + 2] = scale(0.5, add(a1, b1))
+        rows[k, SPAN0], rows[k, SPAN0 + 1], rows[k, SPAN0 + 2] = scale(0.5, subtract(b0, a0))
+        rows[k, SPAN1], rows[k, SPAN1 + 1], rows[k, SPAN1 + 2] = scale(0.5, subtract(b1, a1))
+        rows[k, HALF], rows[k, MOTION] = spheres.half[k], spheres.motion[k]
+    return rows
 
 
 @njit(cache=True, nogil=True)
 def part_of(rows: FloatArray, k: int, start: int) -> Vector:
-    """Return three numbers of a row of `Spheres.rows`: one of its vectors."""
+    """Return three numbers of a row of `edge_rows`: one of its vectors."""
     return rows[k, start], rows[k, start + 1], rows[k, start + 2]
+
+
+@njit(cache=True, nogil=True)
+def midpoints(x: FloatArray, edges: IntArray) -> FloatArray:
+    """Return the midpoint of each edge, shape (m, 3), Å."""
+    middle = np.empty((len(edges), 3))
+    for k in range(len(edges)):
+        middle[k, 0], middle[k, 1], middle[k, 2] = scale(0.5, add(row(x, edges[k, 0]), row(x, edges[k, 1])))
+    return middle
 
 
 @njit(cache=True, nogil=True)
@@ -100,10 +108,12 @@ def mean_edge_length(spheres: Spheres) -> float:
 @njit(cache=True, nogil=True)
 def greatest_coordinate(motion: StepMotion) -> float:
     """Return the greatest coordinate that placing an image can meet, Å."""
-    greatest, cells = 0.0, 0.0
-    for i in range(len(motion.x0)):
-        for axis in range(3):
-            greatest = max(greatest, abs(motion.x0[i, axis]), abs(motion.x1[i, axis]))
+    x0, x1, cells = motion.x0, motion.x1, 0.0
+    start, end = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # by axis: six maxima that do not wait for each other
+    for i in range(len(x0)):
+        start = (max(start[0], abs(x0[i, 0])), max(start[1], abs(x0[i, 1])), max(start[2], abs(x0[i, 2])))
+        end = (max(end[0], abs(x1[i, 0])), max(end[1], abs(x1[i, 1])), max(end[2], abs(x1[i, 2])))
+    greatest = max(max(start[0], start[1], start[2]), max(end[0], end[1], end[2]))
     for k in range(3):
         for axis in range(3):
             cells += abs(motion.cell0[k, axis]) + abs(motion.cell1[k, axis])

@@ -39,6 +39,7 @@ from mdtopo.spheres import (
     SPAN0,
     SPAN1,
     Spheres,
+    edge_rows,
     greatest_coordinate,
     mean_edge_length,
     part_of,
@@ -104,19 +105,19 @@ def edge_clearances(
     """
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
-    spheres, least = spheres_of(motion, edges), np.full(len(edges), np.inf)
+    spheres, rows, least = spheres_of(motion, edges), edge_rows(motion, edges), np.full(len(edges), np.inf)
     has_self, has_inter = has_pairs(trace, following, periodic)
     widest = WIDEST_REACH * mean_edge_length(spheres) if has_self or has_inter else np.inf
     ceilings, no_images = np.full(len(edges), widest), np.empty((0, 3), dtype=np.int64)
-    lower_ceilings(local_pairs, spheres, slack, ceilings)
+    lower_ceilings(local_pairs, rows, slack, ceilings)
     if has_self or has_inter:
         pads = ceiling_pads(ceilings, spheres, slack)
         pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
         if not countable:
             return np.zeros(len(edges))
-        pairs, images = near_pairs(pairs, images, motion, following, spheres, slack, ceilings)
-        lower_bounds(pairs, images, motion, edges, spheres, slack, placing, ceilings, least)
-    lower_bounds(local_pairs, no_images, motion, edges, spheres, slack, placing, ceilings, least)
+        pairs, images = near_pairs(pairs, images, motion, following, rows, slack, ceilings)
+        lower_bounds(pairs, images, motion, edges, rows, slack, placing, ceilings, least)
+    lower_bounds(local_pairs, no_images, motion, edges, rows, slack, placing, ceilings, least)
     for e in range(len(edges)):
         least[e] = min(least[e], ceilings[e])
         if least[e] == np.inf:
@@ -125,12 +126,11 @@ def edge_clearances(
 
 
 @njit(cache=True, nogil=True)
-def lower_ceilings(pairs: IntArray, spheres: Spheres, slack: float, ceilings: FloatArray) -> None:
+def lower_ceilings(pairs: IntArray, rows: FloatArray, slack: float, ceilings: FloatArray) -> None:
     """Lower the ceiling of both edges of each pair, none of them an image, to what its clearance cannot exceed.
 
     That is the distance of two points, with room for rounding: the clearance is below it in rounding too.
     """
-    rows = spheres.rows
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         centre0 = subtract(part_of(rows, j, MID0), part_of(rows, i, MID0))
@@ -171,7 +171,7 @@ def near_pairs(
     images: IntArray,
     motion: StepMotion,
     following: IntArray,
-    spheres: Spheres,
+    rows: FloatArray,
     slack: float,
     ceilings: FloatArray,
 ) -> tuple[IntArray, IntArray]:
@@ -180,7 +180,7 @@ def near_pairs(
     The ceilings of these are lowered.
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    rows, image, has_images = spheres.rows, (0, 0, 0), len(images) > 0
+    image, has_images = (0, 0, 0), len(images) > 0
     found, found_images, count = np.empty_like(pairs), np.empty_like(images), 0
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
@@ -224,7 +224,7 @@ def lower_bounds(
     images: IntArray,
     motion: StepMotion,
     edges: IntArray,
-    spheres: Spheres,
+    rows: FloatArray,
     slack: float,
     placing: float,
     ceilings: FloatArray,
@@ -236,7 +236,7 @@ def lower_bounds(
     ceiling in the end. (For the arrays that are named outside the loop see `mdtopo.rungs.climb_pairs`.)
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    rows, image, has_images, x0, x1 = spheres.rows, (0, 0, 0), len(images) > 0, motion.x0, motion.x1
+    image, has_images, x0, x1 = (0, 0, 0), len(images) > 0, motion.x0, motion.x1
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         if has_images:
@@ -284,7 +284,7 @@ def pair_clearance(start: Corners, end: Corners, bounds: tuple[float, float, flo
     clearance = max(gap, 0.5 * (low0 + low1 - rho))
     # tests are for what is proved, so that a NaN proves nothing
     if not clearance > 0.0:
-        clearance = direction_clearance(n0, n1, start, end, np.inf) - placing
+        clearance = direction_clearance(n0, n1, start, end) - placing
     if not clearance > 0.0:
         clearance = hull_clearance(start, end) - placing
     if not clearance > 0.0:

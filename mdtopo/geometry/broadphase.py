@@ -89,7 +89,7 @@ def candidate_pairs(
     if len(source) < m:
         return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
-    order, starts, shape, low, width = sorted_into_cells(spheres)
+    order, starts, shape, low, width = sorted_into_cells(spheres, ORDINARY, False)
     spheres = spheres[order]
     found, count = _scan(order, starts, shape, width, spheres, m)
     found, count = _scan_large(order, starts, shape, low, width, spheres, m, found, count)
@@ -262,10 +262,13 @@ def grown_rows(values: IntArray, capacity: int) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def sorted_into_cells(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts, Vector, float]:
+def sorted_into_cells(
+    spheres: FloatArray, ordinary: float, across: bool
+) -> tuple[IntArray, IntArray, Counts, Vector, float]:
     """Return the spheres sorted by grid cell (x fastest), the start of each cell, and the grid: shape, origin, width.
 
-    Two spheres of ordinary size that meet lie in the same cell or in adjacent ones.
+    Two spheres of ordinary size, up to so many times the mean radius, that meet lie in the same cell or in adjacent
+    ones. Cells go all across the system along y where this is asked for.
     """
     n = len(spheres)
     low, high, largest, total = row(spheres, 0), row(spheres, 0), 0.0, 0.0
@@ -274,9 +277,10 @@ def sorted_into_cells(spheres: FloatArray) -> tuple[IntArray, IntArray, Counts, 
         low = (min(low[0], v[0]), min(low[1], v[1]), min(low[2], v[2]))
         high = (max(high[0], v[0]), max(high[1], v[1]), max(high[2], v[2]))
         largest, total = max(largest, spheres[i, 3]), total + spheres[i, 3]
-    ordinary = min(largest, ORDINARY * total / n)
-    extent, width = subtract(high, low), max(2.0 * ordinary * GRID_GUARD, 1e-300)
+    extent, width = subtract(high, low), max(2.0 * min(largest, ordinary * total / n) * GRID_GUARD, 1e-300)
     limit = CELLS_PER_SPHERE * n + 64
+    if across:
+        extent = (extent[0], 0.0, extent[2])
     while (extent[0] // (width / SLICES) + 1.0) * (extent[1] // width + 1.0) * (extent[2] // width + 1.0) > limit:
         width *= 1.26  # doubles the volume of a cell
     nx, ny, nz = int(extent[0] // (width / SLICES)) + 1, int(extent[1] // width) + 1, int(extent[2] // width) + 1

@@ -22,8 +22,11 @@ SingleArray = NDArray[np.float32]
 BUNDLE = 4
 """Edges in a bundle. Fewer cost more to find; more have looser boxes, and more pairs of edges to try in them."""
 
-FEW_BUNDLES = 1000
-"""So many are tried against each other, all of them: a cell grid pays only beyond."""
+ORDINARY = 2.0
+"""Boxes beyond this multiple of the mean size are large, and looked up one by one; that costs more than wide cells."""
+
+LIKELY_MEETINGS = 8
+"""Room for so many pairs of boxes for each box, at first."""
 
 NARROWING = 2.0**-22
 """What a box grows by, as a multiple of its coordinates, so that rounding to float32 (2^-24 of them) only widens it."""
@@ -80,7 +83,7 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
-    return edge_pairs(meeting_boxes(bundles, FEW_BUNDLES), starts, bundles, boxes, last_neighbours(trace))
+    return edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))
 
 
 @njit(cache=True, nogil=True)
@@ -133,11 +136,12 @@ def last_neighbours(trace: IntArray) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def meeting_boxes(boxes: FloatArray, few: int) -> IntArray:
+def meeting_boxes(boxes: FloatArray) -> IntArray:
     """Return every pair of boxes that meet, lower index first, and each box with itself; in float32, a few more.
 
-    Up to `few` boxes lie in one cell, beyond that each one in the cell of its centre. Boxes of ordinary size that meet
-    lie in the same cell or in adjacent ones; larger ones look as far as they can reach.
+    Each box lies in the cell of its centre. Boxes of ordinary size that meet lie in the same cell or in adjacent ones;
+    larger ones look as far as they can reach. Cells go all across the system along y: so the boxes to try lie in few
+    long rows, and more of them in vain, which is far quicker than many short rows.
     """
     n = len(boxes)
     places = np.empty((n, 4))  # centre, and half the longest side
@@ -147,13 +151,14 @@ def meeting_boxes(boxes: FloatArray, few: int) -> IntArray:
             places[k, axis] = 0.5 * (boxes[k, axis] + boxes[k, axis + 3])
             size = max(size, 0.5 * (boxes[k, axis + 3] - boxes[k, axis]))
         places[k, 3] = size * GRID_GUARD
-    if n <= few:
-        order, starts, shape, low, width = np.arange(n), np.array([0, n]), (1, 1, 1), (0.0, 0.0, 0.0), np.inf
-    else:
-        order, starts, shape, low, width = sorted_into_cells(places)
-        places = places[order]
+    order, starts, shape, low, width = sorted_into_cells(places, ORDINARY, True)
+    places = places[order]
     narrow, order = narrowed(boxes, order), np.append(order, np.zeros(8, dtype=np.int64))
-    found, count = _scan_ordinary(order, starts, shape, width, narrow, places)
+    found = np.empty((LIKELY_MEETINGS * n + 64, 2), dtype=np.int64)
+    count = _scan_ordinary(order, starts, shape, width, narrow, places, found)
+    if count >= len(found):  # one row more is needed than there are pairs: see there
+        found = np.empty((count + 1, 2), dtype=np.int64)
+        count = _scan_ordinary(order, starts, shape, width, narrow, places, found)
     found, count = _scan_large(order, starts, shape, low, width, narrow, places, found, count)
     return found[:count]
 
@@ -183,17 +188,18 @@ def _scan_ordinary(
     width: float,
     narrow: SingleArray,
     places: FloatArray,
-) -> tuple[IntArray, np.int64]:
-    """Return the pairs of ordinary boxes, and each box with itself.
+    found: IntArray,
+) -> np.int64:
+    """Write the pairs of ordinary boxes, and each box with itself, into `found` while there is room; return how many.
 
     A cell meets the rest of its own row, and the rows beside it that come later. Here a large box is turned inside
-    out, with which it meets nobody. `order` goes on for eight boxes more, as flags are looked at in eights.
+    out, with which it meets nobody. `order` goes on for eight boxes more, as flags are looked at in eights; a pair that
+    does not meet is written too, where the next one will overwrite it, so the last row of `found` is never a pair's.
     """
     n = len(places)
     nx, ny, nz = shape
     b, eights = narrow.copy(), np.zeros(n // 8 + 2, dtype=np.uint64)
-    flags = eights.view(np.uint8)
-    found, count = np.empty((6 * n + 64, 2), dtype=np.int64), np.uint64(n)
+    flags, count, last = eights.view(np.uint8), np.uint64(n), np.uint64(len(found) - 1)
     for k in range(n):
         found[k, 0] = found[k, 1] = k
         if 2.0 * places[k, 3] > width:
@@ -219,15 +225,14 @@ def _scan_ordinary(
                         flags[k] = below & (b[3, q] >= x) & (b[4, q] >= y) & (b[5, q] >= z)
                     for k in range(size, size + EIGHT):
                         flags[k] = 0
-                    if count + size + EIGHT > np.uint64(len(found)):
-                        found = grown_rows(found, 2 * len(found) + n)
                     for h in range((size + EIGHT - ONE) >> THREE):
                         if eights[h] != 0:
                             for k in range(EIGHT * h, EIGHT * h + EIGHT):
                                 j = order[first + k]
-                                found[count, 0], found[count, 1] = min(i, j), max(i, j)
+                                at = min(count, last)
+                                found[at, 0], found[at, 1] = min(i, j), max(i, j)
                                 count += np.uint64(flags[k])
-    return found, np.int64(count)
+    return np.int64(count)
 
 
 @njit(cache=True, nogil=True)
@@ -269,11 +274,33 @@ def _scan_large(
 @njit(cache=True, nogil=True)
 def edge_pairs(near: IntArray, starts: IntArray, bundles: FloatArray, boxes: FloatArray, last: IntArray) -> IntArray:
     """Return the pairs of edges, of bundles that meet, whose own boxes meet; without neighbours along a trace."""
-    found, count = np.empty((4 * len(boxes) + 64, 2), dtype=np.int64), 0
-    for n in range(len(near)):
+    found, count, done = np.empty((2 * len(boxes) + 64, 2), dtype=np.int64), 0, 0
+    while True:
+        done, count = _edge_pairs_into(found, count, near, done, starts, bundles, boxes, last)
+        if done == len(near):
+            return found[:count]
+        found = grown_rows(found, 3 * len(found) // 2)  # by half: while it is copied, both are held
+
+
+@njit(cache=True, nogil=True)
+def _edge_pairs_into(
+    found: IntArray,
+    count: int,
+    near: IntArray,
+    done: int,
+    starts: IntArray,
+    bundles: FloatArray,
+    boxes: FloatArray,
+    last: IntArray,
+) -> tuple[int, int]:
+    """Go on with `edge_pairs` behind so many pairs of bundles while there is room; return how many are done and found.
+
+    A loop that puts a larger array in the place of `found` would count the references of both in every round.
+    """
+    for n in range(done, len(near)):
         first, second = near[n, 0], near[n, 1]
         if count + BUNDLE * BUNDLE > len(found):
-            found = grown_rows(found, 3 * len(found) // 2)  # by half: while it is copied, both are held
+            return n, count
         for i in range(starts[first], starts[first + 1]):
             x, y, z, u, v, w = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], boxes[i, 4], boxes[i, 5]
             below = (bundles[second, 0] <= u) & (bundles[second, 1] <= v) & (bundles[second, 2] <= w)
@@ -283,4 +310,4 @@ def edge_pairs(near: IntArray, starts: IntArray, bundles: FloatArray, boxes: Flo
                 found[count, 0], found[count, 1] = i, j
                 below = (boxes[j, 0] <= u) & (boxes[j, 1] <= v) & (boxes[j, 2] <= w)
                 count += below & (boxes[j, 3] >= x) & (boxes[j, 4] >= y) & (boxes[j, 5] >= z)
-    return found[:count]
+    return len(near), count

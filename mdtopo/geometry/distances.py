@@ -8,7 +8,7 @@ one edge and a point of the other satisfies |v| ≥ w·v/|w|, and w·v is least 
 import numpy as np
 from numba import njit
 
-from mdtopo.geometry.vectors import Vector, add, dot, norm, scale, subtract
+from mdtopo.geometry.vectors import Vector, add, dot, norm, quotient, scale, subtract
 
 UNIT_ROUNDOFF = 2.0**-53
 
@@ -29,7 +29,7 @@ def clamp(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def closest_points(p0: Vector, p1: Vector, q0: Vector, q1: Vector) -> tuple[float, float, Vector]:
     """Return where the edges (p0, p1) and (q0, q1) are closest.
 
@@ -54,18 +54,16 @@ def closest_points(p0: Vector, p1: Vector, q0: Vector, q1: Vector) -> tuple[floa
     d, e, r = subtract(p1, p0), subtract(q1, q0), subtract(p0, q0)
     dd, ee, de = dot(d, d), dot(e, e), dot(d, e)
     dr, er = dot(d, r), dot(e, r)
-    s = 0.0
     determinant = dd * ee - de * de
-    if determinant > 1e-14 * dd * ee:  # below that the lines are parallel in rounding: any s will do
-        s = clamp((de * er - dr * ee) / determinant)
-    t = clamp((de * s + er) / ee) if ee > 0.0 else 0.0
-    if dd > 0.0:
-        s = clamp((de * t - dr) / dd)
+    # below that the lines are parallel in rounding: any s will do
+    s = clamp(quotient(de * er - dr * ee, determinant)) if determinant > 1e-14 * dd * ee else 0.0
+    t = clamp(quotient(de * s + er, ee)) if ee > 0.0 else 0.0
+    s = clamp(quotient(de * t - dr, dd)) if dd > 0.0 else s
     w = subtract(add(r, scale(s, d)), scale(t, e))
     return s, t, w
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def dual_bound(w: Vector, p0: Vector, p1: Vector, q0: Vector, q1: Vector) -> float:
     """Return a lower bound of the distance of the edges (p0, p1) and (q0, q1), from the direction w.
 
@@ -77,12 +75,9 @@ def dual_bound(w: Vector, p0: Vector, p1: Vector, q0: Vector, q1: Vector) -> flo
     a, b = subtract(p0, q0), subtract(p0, q1)
     c, d = subtract(p1, q0), subtract(p1, q1)
     squared = dot(w, w)
-    if not squared > LEAST_SQUARE:
-        return 0.0
-    length = np.sqrt(squared)
     least = min(min(dot(w, a), dot(w, b)), min(dot(w, c), dot(w, d)))
     greatest = max(max(dot(a, a), dot(b, b)), max(dot(c, c), dot(d, d)))
-    return least / length - DUAL_ERROR * np.sqrt(greatest)
+    return quotient(least, np.sqrt(squared)) - DUAL_ERROR * np.sqrt(greatest) if squared > LEAST_SQUARE else 0.0
 
 
 @njit(cache=True, nogil=True)

@@ -6,6 +6,8 @@ keep a simplex of at most four points, project the origin onto it, add the point
 until none lies deeper than the projection.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,6 +18,9 @@ from mdtopo.geometry.vectors import Vector, add, cross, dot, row, scale, subtrac
 
 MAX_ITERATIONS = 64
 """GJK ends in a few rounds; a set that is degenerate in rounding may cycle, and is then left with a valid direction."""
+
+Simplex: TypeAlias = tuple[Vector, Vector, Vector, Vector]
+"""Up to four points; those behind the number that is given with them mean nothing."""
 
 PROGRESS = 1e-14
 """Relative progress in |w|² under which rounding, not geometry, moves the projection."""
@@ -81,15 +86,50 @@ def nearest_on_tetrahedron(a: Vector, b: Vector, c: Vector, d: Vector) -> tuple[
 
 
 @njit(cache=True, nogil=True)
-def _project(simplex: NDArray[np.float64], count: int) -> tuple[Vector, int]:
-    a = row(simplex, 0)
+def _project(simplex: Simplex, count: int) -> tuple[Vector, int]:
+    a, b, c, d = simplex
     if count == 1:
         return a, 1
     if count == 2:
-        return nearest_on_segment(a, row(simplex, 1))
+        return nearest_on_segment(a, b)
     if count == 3:
-        return nearest_on_triangle(a, row(simplex, 1), row(simplex, 2))
-    return nearest_on_tetrahedron(a, row(simplex, 1), row(simplex, 2), row(simplex, 3))
+        return nearest_on_triangle(a, b, c)
+    return nearest_on_tetrahedron(a, b, c, d)
+
+
+@njit(cache=True, nogil=True)
+def closer(simplex: Simplex, count: int, w: Vector, v: Vector) -> tuple[Simplex, int, Vector]:
+    """Take one more point v into the simplex whose point of least norm is w; one round of the algorithm.
+
+    Returns
+    -------
+    simplex : Simplex
+        The corners that carry the new point of least norm, first.
+    count : int
+        How many they are; 0 where v brings no progress, and w stands.
+    w : tuple of 3 floats
+        The new point of least norm.
+    """
+    a, b, c, d = simplex
+    squared = dot(w, w)
+    if squared == 0.0 or squared - dot(w, v) <= PROGRESS * squared or count == 4:
+        return simplex, 0, w
+    if count == 1:
+        b = v
+    elif count == 2:
+        c = v
+    else:
+        d = v
+    nearer, mask = _project((a, b, c, d), count + 1)
+    if dot(nearer, nearer) >= squared * (1.0 - PROGRESS):
+        return simplex, 0, w
+    if not mask & 4:
+        c = d
+    if not mask & 2:
+        b, c = c, d
+    if not mask & 1:
+        a, b, c = b, c, d
+    return (a, b, c, d), (mask & 1) + (mask >> 1 & 1) + (mask >> 2 & 1) + (mask >> 3 & 1), nearer
 
 
 @njit(cache=True, nogil=True)
@@ -112,24 +152,12 @@ def least_norm_point(points: NDArray[np.float64]) -> Vector:
     points : ndarray, shape (n, 3)
         At least one point. A plane set has its third coordinate 0.
     """
-    simplex = np.empty((4, 3))
-    simplex[0] = points[0]
-    count, w = 1, row(points, 0)
+    w, count = row(points, 0), 1
+    simplex = (w, w, w, w)
     for _ in range(MAX_ITERATIONS):
-        squared = dot(w, w)
-        v = row(points, _deepest(points, w))
-        if squared == 0.0 or squared - dot(w, v) <= PROGRESS * squared or count == 4:
+        simplex, count, w = closer(simplex, count, w, row(points, _deepest(points, w)))
+        if count == 0:
             break
-        simplex[count] = v
-        nearer, mask = _project(simplex, count + 1)
-        if dot(nearer, nearer) >= squared * (1.0 - PROGRESS):
-            break
-        kept = 0
-        for corner in range(count + 1):
-            if mask >> corner & 1:
-                simplex[kept] = simplex[corner]
-                kept += 1
-        count, w = kept, nearer
     return w
 
 

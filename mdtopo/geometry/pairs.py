@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from mdtopo.geometry.distances import LEAST_SQUARE, UNIT_ROUNDOFF, dual_bound
-from mdtopo.geometry.hull import hull_distance
-from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, scale, subtract
+from mdtopo.geometry.hull import MAX_ITERATIONS, closer
+from mdtopo.geometry.vectors import Vector, add, cross, dot, norm, quotient, scale, subtract
 
 Corners: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 """The ends of two edges: a, b of the first and c, d of the second."""
@@ -24,7 +24,7 @@ NEARLY_PARALLEL = 1e-6
 """Squared sine under which two edges count as parallel."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def slab_bound(w: Vector, centre: Vector, first: Vector, second: Vector) -> float:
     """Return how far the slabs are apart, times |w|, that hold two edges across the direction w.
 
@@ -40,14 +40,13 @@ def slab_bound(w: Vector, centre: Vector, first: Vector, second: Vector) -> floa
     return dot(w, centre) - abs(dot(w, first)) - abs(dot(w, second))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def line_bound(centre: Vector, first: Vector, second: Vector) -> float:
     """Return how far the *lines* of two edges are apart: a lower bound of the edges' distance; 0 if nearly parallel."""
     normal = cross(first, second)
     size = dot(normal, normal)
-    if not size > max(NEARLY_PARALLEL * dot(first, first) * dot(second, second), LEAST_SQUARE):
-        return 0.0
-    return abs(dot(normal, centre)) / np.sqrt(size)
+    crossed = size > max(NEARLY_PARALLEL * dot(first, first) * dot(second, second), LEAST_SQUARE)
+    return quotient(abs(dot(normal, centre)), np.sqrt(size)) if crossed else 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -67,7 +66,7 @@ def motion_bound(drift: Vector, first: Vector, second: Vector) -> float:
     return np.sqrt(max(squared, 0.0)) * (1.0 + 32.0 * UNIT_ROUNDOFF)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def relative_motion(start: Corners, end: Corners) -> float:
     """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from the corners; Å.
 
@@ -83,36 +82,62 @@ def relative_motion(start: Corners, end: Corners) -> float:
     return np.sqrt(squared) * (1.0 + 8.0 * UNIT_ROUNDOFF) + 8.0 * UNIT_ROUNDOFF * np.sqrt(moved)
 
 
-@njit(cache=True, nogil=True)
-def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners, enough: float) -> float:
-    """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4).
-
-    Above `enough` it need not be the best.
-    """
-    best = -np.inf
+@njit(cache=True, nogil=True, forceinline=True)
+def direction_clearance(n0: Vector, n1: Vector, start: Corners, end: Corners) -> float:
+    """Return the best clearance that one of the directions n0, n1 and their mean proves for both ends (rung 4)."""
     size0, size1 = norm(n0), norm(n1)
-    middle = add(scale(1.0 / size0, n0), scale(1.0 / size1, n1)) if size0 > 0.0 and size1 > 0.0 else n0
-    for k in range(3):
-        w = middle if k == 0 else (n0 if k == 1 else n1)
-        low0 = dual_bound(w, start[0], start[1], start[2], start[3])
-        low1 = dual_bound(w, end[0], end[1], end[2], end[3])
-        best = max(best, min(low0, low1))
-        if best > enough:
-            break
-    return best
+    mean = add(scale(quotient(1.0, size0), n0), scale(quotient(1.0, size1), n1))
+    middle = mean if size0 > 0.0 and size1 > 0.0 else n0
+    first = least_along(n0, start, end)
+    return max(first, max(least_along(n1, start, end), least_along(middle, start, end)))
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def least_along(w: Vector, start: Corners, end: Corners) -> float:
+    """Return how far two edges are apart at both ends of the step, at least, along a direction."""
+    low0 = dual_bound(w, start[0], start[1], start[2], start[3])
+    return min(low0, dual_bound(w, end[0], end[1], end[2], end[3]))
 
 
 @njit(cache=True, nogil=True)
 def hull_clearance(start: Corners, end: Corners) -> float:
-    """Return d* of all differences of the two edges at both ends (rung 5)."""
-    points = np.empty((8, 3))
-    count = 0
-    for corners in (start, end):
-        for p in range(2):
-            for q in range(2, 4):
-                points[count, 0], points[count, 1], points[count, 2] = subtract(corners[p], corners[q])
-                count += 1
-    return hull_distance(points)
+    """Return d* of all differences of the two edges at both ends (rung 5), as `mdtopo.geometry.hull` finds it.
+
+    Guarantee
+    ---------
+    Proven: never above the true value.
+    """
+    w, count = subtract(start[0], start[2]), 1
+    simplex = (w, w, w, w)
+    for _ in range(MAX_ITERATIONS):
+        one, other = deepest_difference(w, start), deepest_difference(w, end)
+        simplex, count, w = closer(simplex, count, w, one if dot(w, one) <= dot(w, other) else other)
+        if count == 0:
+            break
+    return least_along(w, start, end)
+
+
+@njit(cache=True, nogil=True)
+def deepest_difference(w: Vector, corners: Corners) -> Vector:
+    """Return the difference of a point of the first edge and one of the second that has the least w·v."""
+    a, b, c, d = corners
+    return subtract(a if dot(w, a) <= dot(w, b) else b, c if dot(w, c) >= dot(w, d) else d)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def slab_gaps(
+    centre0: Vector, centre1: Vector, first0: Vector, second0: Vector, first1: Vector, second1: Vector
+) -> tuple[float, float]:
+    """Return how far the slabs across the mean line of centres are apart at both ends, Å; minus infinity without one.
+
+    Parameters as for `cheap_bounds`. What rounding takes from them is not subtracted.
+    """
+    w = add(centre0, centre1)
+    squared = dot(w, w)
+    length = np.sqrt(squared)
+    slab0 = quotient(slab_bound(w, centre0, first0, second0), length)
+    slab1 = quotient(slab_bound(w, centre1, first1, second1), length)
+    return (slab0 if squared > LEAST_SQUARE else -np.inf), (slab1 if squared > LEAST_SQUARE else -np.inf)
 
 
 @njit(cache=True, nogil=True)
@@ -148,18 +173,15 @@ def cheap_bounds(
     rho : float
         Greatest relative motion of two corners, an upper bound.
     """
-    drift, w = subtract(centre1, centre0), add(centre0, centre1)
+    drift = subtract(centre1, centre0)
     rho = motion_bound(drift, subtract(first1, first0), subtract(second1, second0)) + slack
-    length = norm(w)
-    if not length * length > LEAST_SQUARE:
-        return -1.0, 0.0, 0.0, rho
-    rounding = slack + BOUND_ERROR * (length + rho + reach)
-    slab0 = slab_bound(w, centre0, first0, second0) / length - rounding
-    slab1 = slab_bound(w, centre1, first1, second1) / length - rounding
+    rounding = slack + BOUND_ERROR * (norm(add(centre0, centre1)) + rho + reach)
+    slab0, slab1 = slab_gaps(centre0, centre1, first0, second0, first1, second1)
+    slab0, slab1 = slab0 - rounding, slab1 - rounding
     return min(slab0, slab1), max(slab0, 0.0), max(slab1, 0.0), rho
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def is_far(
     centre0: Vector,
     centre1: Vector,
@@ -182,19 +204,10 @@ def is_far(
     length = norm(w)
     start, end = slab_bound(w, centre0, first0, second0), slab_bound(w, centre1, first1, second1)
     gap = min(start, end) - (slack + BOUND_ERROR * (length + moved + reach)) * length
-    return gap > 0.0 and gap > nearest * length and moved * length < 2.0 * gap * ratio
+    return (gap > 0.0) & (gap > nearest * length) & (moved * length < 2.0 * gap * ratio)
 
 
-@njit(cache=True, nogil=True)
-def is_idle(
-    gap: float, low0: float, low1: float, rho: float, least: float, nu0: float, nu1: float, ratio: float
-) -> bool:
-    """Return whether a pair with these proven bounds is settled and can change none of the step's extremes."""
-    clearance = max(gap, 0.5 * (low0 + low1 - rho))
-    return clearance > max(least, 0.0) and low0 > nu0 and low1 > nu1 and rho < ratio * (low0 + low1)
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
 def axis_gap(
     centre0: Vector, centre1: Vector, first0: Vector, second0: Vector, first1: Vector, second1: Vector
 ) -> float:
@@ -203,10 +216,13 @@ def axis_gap(
     Negative or 0 where they meet across all three. It is positive for every pair whose boxes do not meet, in rounding
     too where those are padded: so such a pair stays apart by as much at all times, up to the rounding of a coordinate.
     """
-    best = -np.inf
-    for k in range(3):
-        reach0, reach1 = abs(first0[k]) + abs(second0[k]), abs(first1[k]) + abs(second1[k])
-        above = min(centre0[k] - reach0, centre1[k] - reach1)
-        below = min(-centre0[k] - reach0, -centre1[k] - reach1)
-        best = max(best, max(above, below))
-    return best
+    x = one_axis_gap(centre0[0], centre1[0], first0[0], second0[0], first1[0], second1[0])
+    y = one_axis_gap(centre0[1], centre1[1], first0[1], second0[1], first1[1], second1[1])
+    return max(max(x, y), one_axis_gap(centre0[2], centre1[2], first0[2], second0[2], first1[2], second1[2]))
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def one_axis_gap(centre0: float, centre1: float, first0: float, second0: float, first1: float, second1: float) -> float:
+    """Return the gap of `axis_gap` along one axis, from what lies along it."""
+    reach0, reach1 = abs(first0) + abs(second0), abs(first1) + abs(second1)
+    return max(min(centre0 - reach0, centre1 - reach1), min(-centre0 - reach0, -centre1 - reach1))

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.pairs import Corners
@@ -43,7 +42,6 @@ UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
 
 Cubic = tuple[float, float, float, float]
-FloatArray = NDArray[np.float64]
 
 
 class MovingPair(NamedTuple):
@@ -230,22 +228,38 @@ def passages(start: Corners, end: Corners, placing: float) -> tuple[int, int, tu
     ---------
     Proven, whatever the positions are within `placing`.
     """
-    return passages_within(start, end, placing, np.empty(MOST_PIECES), np.empty(MOST_PIECES))
-
-
-@njit(cache=True, nogil=True)
-def passages_within(
-    start: Corners, end: Corners, placing: float, lows: FloatArray, highs: FloatArray
-) -> tuple[int, int, tuple[Vector, Vector, Vector], int]:
-    """Return what `passages` returns, with room for `MOST_PIECES` pieces of [0, 1] lent by who asks many times."""
     pair = moving_pair(start, end, placing)
     b, error = coplanarity(pair)
     greatest = max(max(abs(b[0]), abs(b[1])), max(abs(b[2]), abs(b[3])))
     error += 32.0 * UNIT_ROUNDOFF * greatest  # of the polar form
     none = (0.0, 0.0, 0.0)
-    found, count, signs = (none, none, none), 0, 0
     if not greatest < np.inf:
-        return UNSURE, 0, found, 0
+        return UNSURE, 0, (none, none, none), 0
+    s0, s3 = sign_beyond(b[0], error), sign_beyond(b[3], error)
+    roots = variations(s0, sign_beyond(b[1], error), sign_beyond(b[2], error), s3)
+    if roots == 0:
+        return FREE, 0, (none, none, none), 0
+    if roots == 1:
+        state, event = passage_within(pair, b, error, 0.0, 1.0)
+        return state, int(state == PASSES), (event, none, none), int(s3 > 0)
+    return passages_in_pieces(pair, b, error)
+
+
+@njit(cache=True, nogil=True)
+def passage_within(pair: MovingPair, b: Cubic, error: float, low: float, high: float) -> tuple[int, Vector]:
+    """Return whether the edges meet at the one root of f in (low, high), and time and parameters there."""
+    x, y = bracketed_root(b, error, low, high)
+    state, s, r = meeting(pair, x, y)
+    if state == PASSES and y - x > TIME_WIDTH:
+        state = UNSURE
+    return state, (0.5 * (x + y), s, r)
+
+
+@njit(cache=True, nogil=True)
+def passages_in_pieces(pair: MovingPair, b: Cubic, error: float) -> tuple[int, int, tuple[Vector, Vector, Vector], int]:
+    """Return what `passages` does where the signs over the whole step do not tell how many roots f has."""
+    lows, highs, none = np.empty(MOST_PIECES), np.empty(MOST_PIECES), (0.0, 0.0, 0.0)
+    found, count, signs = (none, none, none), 0, 0
     depth = 1
     lows[0], highs[0] = 0.0, 1.0
     for _ in range(MOST_PIECES):
@@ -261,13 +275,11 @@ def passages_within(
         if roots == 0:
             continue
         if roots == 1:
-            x, y = bracketed_root(b, error, low, high)
-            state, s, r = meeting(pair, x, y)
+            state, event = passage_within(pair, b, error, low, high)
             if state == FREE:
                 continue
-            if state == UNSURE or count == MOST_PASSAGES or y - x > TIME_WIDTH:
+            if state == UNSURE or count == MOST_PASSAGES:
                 return UNSURE, 0, found, 0
-            event = (0.5 * (x + y), s, r)
             found = (
                 event if count == 0 else found[0],
                 event if count == 1 else found[1],

@@ -49,3 +49,18 @@ def norm(a: Vector) -> float:
 def cross(a: Vector, b: Vector) -> Vector:
     """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def extent(a: Vector) -> float:
+    """Return |x| + |y| + |z|: never less than the length, and without a root."""
+    return abs(a[0]) + abs(a[1]) + abs(a[2])
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def quotient(a: float, b: float) -> float:
+    """Return a/b as IEEE 754 has it, NaN and infinities included.
+
+    Python's own division must raise where b is 0; a loop that may stop there is not run for several pairs at a time.
+    """
+    return np.divide(a, b)  # type: ignore[no-any-return]

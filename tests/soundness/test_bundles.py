@@ -20,12 +20,13 @@ from mdtopo.contacts import decide_open
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
 from mdtopo.geometry.broadphase import sorted_into_cells
-from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, meeting_boxes
+from mdtopo.geometry.bundles import ORDINARY, bundle_starts, edge_boxes, joint_boxes, meeting_boxes
+from mdtopo.geometry.pairlanes import ends_of_edges
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
 from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
 from mdtopo.rungs import climb_pairs, meet_end_terms
-from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, Spheres, greatest_coordinate, mean_edge_length, spheres_of
+from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, greatest_coordinate, mean_edge_length, spheres_of
 
 Whole = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -159,7 +160,7 @@ def climbed(
     edges: Whole,
     following: Whole,
     trace: Whole,
-    spheres: Spheres,
+    ends: Points,
     slack: float,
     placing: float,
     first_reach: float,
@@ -180,7 +181,7 @@ def climbed(
             edges,
             following,
             trace,
-            spheres,
+            ends,
             slack,
             placing,
             first_reach,
@@ -204,6 +205,7 @@ class Brute:
         placed = float(np.abs(step.x0).max() + np.abs(cell0).sum()) if self.periodic else 0.0
         self.motion = StepMotion(step.x0, step.x1, cell0, cell1, False, (0.0, 0.0, 0.0), True, placed)
         self.spheres = spheres_of(self.motion, t.edges)
+        self.ends = ends_of_edges(step.x0, step.x1, t.edges)
         self.slack = PLACING_ERROR * (greatest_coordinate(self.motion) + placed) + LEAST_SLACK
         self.placing = self.slack if self.periodic else 0.0
         self.local = self._local()
@@ -211,7 +213,7 @@ class Brute:
         i, j = np.triu_indices(len(t.edges), 1)
         far = (t.trace[i] != t.trace[j]) | (j - i > 2)
         self.pairs = np.stack([i[far], j[far]], axis=1)
-        numbers = self.spheres, self.slack, self.placing, self.first_reach
+        numbers = self.ends, self.slack, self.placing, self.first_reach
         self.table, is_open, self.rungs = climbed(self.pairs, self.motion, t.edges, t.following, t.trace, *numbers)
         for k in np.flatnonzero(is_open):
             best = fresh_extremes()
@@ -223,7 +225,7 @@ class Brute:
 
     def _local(self) -> Extremes:
         t, best, is_open = self.t, fresh_extremes(), np.zeros(len(self.t.local_pairs), dtype=np.bool_)
-        numbers = self.spheres, self.slack, self.placing, 0.0
+        numbers = self.ends, self.slack, self.placing, 0.0
         ends = t.edges, t.following, t.trace
         climb_pairs(t.local_pairs, NO_IMAGES, True, self.motion, *ends, *numbers, best, is_open)
         decide_open(t.local_pairs, NO_IMAGES, is_open, True, self.motion, t.edges, t.trace, self.placing, best)
@@ -331,11 +333,12 @@ def test_the_search_has_many_bundles_and_cells(brute: Brute) -> None:
     boxes = joint_boxes(edge_boxes(brute.motion.x0, brute.motion.x1, brute.t.edges, pads), bundle_starts(brute.t.trace))
     half = 0.5 * (boxes[:, 3:] - boxes[:, :3])
     places = np.column_stack([boxes[:, :3] + half, half.max(axis=1)])
-    _, _, shape, _, width = sorted_into_cells(places)
+    _, _, shape, _, width = sorted_into_cells(places, ORDINARY, True)
     assert len(boxes) >= 75
-    in_cells, all_tried = ({(int(i), int(j)) for i, j in meeting_boxes(boxes, few)} for few in (0, len(boxes)))
-    assert in_cells == all_tried
-    assert len(in_cells) < 0.5 * len(boxes) ** 2
-    assert np.prod(shape) >= 27
+    found = {(int(i), int(j)) for i, j in meeting_boxes(boxes)}
+    meet = ((boxes[:, None, :3] <= boxes[:, 3:]) & (boxes[:, :3] <= boxes[:, None, 3:])).all(axis=2)
+    assert found >= {(int(i), int(j)) for i, j in np.argwhere(meet) if i <= j}
+    assert len(found) < 0.5 * len(boxes) ** 2
+    assert np.prod(shape) >= 9
     if brute.name in ("long beside short", "four decades", "far moved", "sparse"):
         assert (2.0 * places[:, 3] > width).any()

@@ -48,14 +48,13 @@ def test_every_pair_whose_boxes_meet_is_listed_once(lengths: Sequence[int], pad:
     assert expected or sum(lengths) < 20
 
 
-@pytest.mark.parametrize("few", [0, 10_000])
 @pytest.mark.parametrize(("shift", "scale"), [(0.0, 1.0), (1e9, 3.0), (-1e12, 50.0), (1e3, 1e-7)])
-def test_boxes_are_found_in_single_precision_wherever_they_are(few: int, shift: float, scale: float) -> None:
+def test_boxes_are_found_in_single_precision_wherever_they_are(shift: float, scale: float) -> None:
     """Each pair of boxes that meet is listed once, those that touch too; far from the origin perhaps a few more."""
     rng = np.random.default_rng(int(scale))
     low = scale * rng.integers(0, 30, size=(150, 3)) + shift
     boxes = np.concatenate([low, low + scale * rng.integers(1, 5, size=(150, 3))], axis=1)
-    found = meeting_boxes(boxes, few)
+    found = meeting_boxes(boxes)
     listed = {(int(i), int(j)) for i, j in found}
     one, other = boxes[:, np.newaxis], boxes[np.newaxis]
     meet = ((one[..., :3] <= other[..., 3:]) & (other[..., :3] <= one[..., 3:])).all(axis=2)

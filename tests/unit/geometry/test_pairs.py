@@ -1,13 +1,11 @@
 """What is known of two moving edges without a search for closest points."""
 
 import numpy as np
-import oracles
 import pytest
 from numpy.typing import NDArray
 
 from mdtopo.geometry.pairs import Corners, axis_gap, hull_clearance
 from mdtopo.geometry.vectors import Vector
-from mdtopo.rungs import settle_pair
 
 Points = NDArray[np.float64]
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -58,27 +56,3 @@ def test_a_gap_of_slabs_is_never_above_the_hull() -> None:
             positive += 1
             assert gap <= hull_clearance(corners(start), corners(end)) + 1e-12
     assert positive > 100
-
-
-def test_a_pair_has_the_best_clearance_of_slabs_motion_and_hull() -> None:
-    rng, settled = np.random.default_rng(2), 0
-    nothing = (-np.inf, -np.inf, 0.0, 0.0)
-    for _ in range(150):
-        start, end = moving_pair(rng)
-        d0, d1 = (oracles.edge_distance(*x.reshape(4, 3)) for x in (start, end))
-        move = end - start
-        rho = max(float(np.linalg.norm(p - q)) for p in move[0] for q in move[1])
-        hull = oracles.hull_distance(np.concatenate([(x[0, :, None] - x[1]).reshape(4, 3) for x in (start, end)]))
-        expected = max(0.5 * (d0 + d1 - rho), hull)
-        found = settle_pair(corners(start), corners(end), nothing, np.inf, 0.0)
-        assert found[:2] == pytest.approx((d0, d1), abs=1e-12)
-        assert found[4] == pytest.approx(rho, rel=1e-12)
-        if found[6] > 0.0:
-            settled += 1
-            assert found[6] == pytest.approx(expected, abs=1e-9)
-        else:
-            assert 0.5 * (d0 + d1 - rho) < 1e-12
-        low = settle_pair(corners(start), corners(end), nothing, 0.5 * max(found[6], 0.0), 0.0)
-        assert (low[5], low[6] > 0.0) == (found[5], found[6] > 0.0)
-        assert 0.5 * max(found[6], 0.0) <= max(low[6], 0.0) <= max(found[6], 0.0)
-    assert settled > 80

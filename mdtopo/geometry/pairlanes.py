@@ -1,0 +1,208 @@
+"""Many moving pairs of edges side by side, so that the compiler measures eight of them at a time.
+
+It does so where a loop over the pairs has a length that it knows and no branch, calls nothing that it cannot inline,
+divides without asking whether by zero, and finds all numbers in one piece of memory at distances that it knows. So a
+batch is one flat array: number `row` of the pair in lane `k` lies at ``row * ROOM + k``. It is worked through in groups
+of lanes; the last group may have some that nobody asks for. What is done of each pair is written as for one pair, with
+the functions of `mdtopo.geometry.pairs`.
+
+Indices are unsigned where they come out of an array: of a signed one the compiler would ask whether it counts from the
+end.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mdtopo.geometry.distances import closest_points, dual_bound
+from mdtopo.geometry.pairs import (
+    BOUND_ERROR,
+    Corners,
+    axis_gap,
+    direction_clearance,
+    is_far,
+    line_bound,
+    relative_motion,
+    slab_gaps,
+)
+from mdtopo.geometry.vectors import Vector, add, extent, norm, scale, subtract
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+FlagArray = NDArray[np.uint8]
+
+ROOM = 64
+"""Lanes of a batch. All of its numbers fit into the fastest memory of a processor."""
+
+GROUP = 16
+"""Lanes that are measured at a time."""
+
+START, END, NEAREST = 0, 12, 24
+"""Rows that are filled in: the corners at both ends of the step, and the distance from which on a pair is not looked at
+(see `flag_far`)."""
+
+NEAR0, NEAR1, LOW0, LOW1, RHO, GAP, ALONG, TURN = 25, 26, 27, 28, 29, 30, 31, 32
+"""Rows that `measure_lanes` writes."""
+
+N_ROWS = 33
+
+TWELVE = np.uint64(12)
+
+
+@njit(cache=True, nogil=True)
+def fresh_lanes() -> FloatArray:
+    """Return an empty batch. Lanes without a pair hold zeros, or what was there before."""
+    return np.zeros(N_ROWS * ROOM)
+
+
+@njit(cache=True, nogil=True)
+def ends_of_edges(x0: FloatArray, x1: FloatArray, edges: IntArray) -> FloatArray:
+    """Return both ends of each edge, at the start and at the end of the step, in a row: shape (12·m,)."""
+    ends = np.empty((len(edges), 4, 3))
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        for axis in range(3):
+            ends[k, 0, axis], ends[k, 1, axis] = x0[a, axis], x0[b, axis]
+            ends[k, 2, axis], ends[k, 3, axis] = x1[a, axis], x1[b, axis]
+    return ends.reshape(12 * len(edges))
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def write_edge(lanes: FloatArray, first: int, k: np.uint64, ends: FloatArray, edge: int) -> None:
+    """Write the ends of an edge into a lane: first those at the start of the step, from row START + `first` on.
+
+    `first` is 0 or 6. Indices are unsigned: of a signed one the compiler would ask whether it counts from the end.
+    """
+    at = TWELVE * np.uint64(edge)
+    for n in range(6):
+        lanes[np.uint64((START + first + n) * ROOM) + k] = ends[at + np.uint64(n)]
+        lanes[np.uint64((END + first + n) * ROOM) + k] = ends[at + np.uint64(6 + n)]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def vector_at(lanes: FloatArray, row: int, k: int) -> Vector:
+    """Return the three numbers of a lane that begin with this row."""
+    return lanes[row * ROOM + k], lanes[(row + 1) * ROOM + k], lanes[(row + 2) * ROOM + k]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def corners_at(lanes: FloatArray, row: int, k: int) -> Corners:
+    """Return the corners of a lane that begin with this row."""
+    a, b = vector_at(lanes, row, k), vector_at(lanes, row + 3, k)
+    return a, b, vector_at(lanes, row + 6, k), vector_at(lanes, row + 9, k)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def shift_edge(lanes: FloatArray, k: np.uint64, shift0: Vector, shift1: Vector) -> None:
+    """Move the second edge of a lane to an image."""
+    for axis in range(3):
+        for end in range(6, 12, 3):
+            lanes[np.uint64((START + end + axis) * ROOM) + k] += shift0[axis]
+            lanes[np.uint64((END + end + axis) * ROOM) + k] += shift1[axis]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def copy_lane(source: FloatArray, k: np.uint64, target: FloatArray, other: np.uint64) -> None:
+    """Copy what is filled in of one lane to a lane of another batch."""
+    for row in range(NEAREST + 1):
+        target[np.uint64(row * ROOM) + other] = source[np.uint64(row * ROOM) + k]
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def halves_of(corners: Corners) -> tuple[Vector, Vector, Vector]:
+    """Return the vector from the midpoint of the first edge to that of the second, and half of each edge."""
+    a, b, c, d = corners
+    centre = scale(0.5, add(subtract(c, a), subtract(d, b)))
+    return centre, scale(0.5, subtract(b, a)), scale(0.5, subtract(d, c))
+
+
+@njit(cache=True, nogil=True)
+def flag_far(lanes: FloatArray, ratio: float, slack: float, far: FlagArray) -> None:
+    """Flag which lanes hold a pair that can change none of the step's extremes, see `is_far`.
+
+    Parameters
+    ----------
+    lanes : ndarray
+        A batch.
+    ratio : float
+        The greatest ratio so far.
+    slack : float
+        Rounding of the positions, Å.
+    far : ndarray of uint8, shape (ROOM,)
+        Set to 1 where the pair is at least its `NEAREST` apart, and its ratio is less than `ratio`; else to 0.
+    """
+    for k in range(ROOM):
+        start, end = corners_at(lanes, START, k), corners_at(lanes, END, k)
+        far[k] = are_far(start, end, lanes[NEAREST * ROOM + k], ratio, slack)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def are_far(start: Corners, end: Corners, nearest: float, ratio: float, slack: float) -> bool:
+    """Return whether the two edges of a pair are far apart, see `is_far`."""
+    centre0, f0, g0 = halves_of(start)
+    centre1, f1, g1 = halves_of(end)
+    rho, reach = relative_motion(start, end) + slack, extent(f0) + extent(g0) + extent(f1) + extent(g1)
+    return is_far(centre0, centre1, f0, g0, f1, g1, reach, rho, nearest, ratio, slack)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def slabs_of(start: Corners, end: Corners, rho: float, slack: float) -> tuple[float, float, float]:
+    """Return how far the slabs across the line of centres are apart at both ends, less rounding, and that rounding."""
+    centre0, f0, g0 = halves_of(start)
+    centre1, f1, g1 = halves_of(end)
+    lengths = norm(centre0) + norm(centre1) + extent(f0) + extent(g0) + extent(f1) + extent(g1)
+    rounding = slack + BOUND_ERROR * (lengths + rho)
+    slab0, slab1 = slab_gaps(centre0, centre1, f0, g0, f1, g1)
+    return slab0 - rounding, slab1 - rounding, rounding
+
+
+@njit(cache=True, nogil=True)
+def gap_at(lanes: FloatArray, k: int, slack: float) -> float:
+    """Return how far the slabs of one pair across the line of centres are apart at all times, Å; a lower bound."""
+    start, end = corners_at(lanes, START, k), corners_at(lanes, END, k)
+    slab0, slab1, _ = slabs_of(start, end, relative_motion(start, end) + slack, slack)
+    return min(slab0, slab1)
+
+
+@njit(cache=True, nogil=True)
+def measure_lanes(lanes: FloatArray, count: int, slack: float, placing: float) -> None:
+    """Measure the pairs in the first `count` lanes, without the hull: all that rungs 2 to 4 need.
+
+    Parameters
+    ----------
+    lanes : ndarray
+        A batch. Written are the rows NEAR0 and NEAR1, the distances at both ends by closest points; LOW0 and LOW1, what
+        is proved of them; RHO, the greatest relative motion of two corners; GAP, how far the slabs across the line of
+        centres are apart at all times; ALONG, the same of the slabs across the axes, at best; TURN, the clearance by a
+        direction that serves both ends.
+    count : int
+    slack, placing : float
+        Rounding of the positions in general, and of these ones (0 where they are as stored), Å.
+
+    Guarantee
+    ---------
+    Proven: LOW0, LOW1, GAP and TURN are lower bounds, and ALONG up to `slack`; RHO is an upper one.
+    """
+    for first in range(0, count, GROUP):
+        _measure_group(lanes[first:], slack, placing)
+
+
+@njit(cache=True, nogil=True)
+def _measure_group(lanes: FloatArray, slack: float, placing: float) -> None:
+    for k in range(GROUP):
+        start, end = corners_at(lanes, START, k), corners_at(lanes, END, k)
+        centre0, f0, g0 = halves_of(start)
+        centre1, f1, g1 = halves_of(end)
+        _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
+        _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
+        rho = relative_motion(start, end) + placing
+        slab0, slab1, rounding = slabs_of(start, end, rho, slack)
+        line0, line1 = line_bound(centre0, f0, g0), line_bound(centre1, f1, g1)
+        low0 = dual_bound(n0, start[0], start[1], start[2], start[3]) - placing
+        low1 = dual_bound(n1, end[0], end[1], end[2], end[3]) - placing
+        lanes[NEAR0 * ROOM + k], lanes[NEAR1 * ROOM + k] = norm(n0), norm(n1)
+        lanes[LOW0 * ROOM + k] = max(max(low0, 0.0), max(slab0, line0 - rounding))
+        lanes[LOW1 * ROOM + k] = max(max(low1, 0.0), max(slab1, line1 - rounding))
+        lanes[RHO * ROOM + k], lanes[GAP * ROOM + k] = rho, min(slab0, slab1)
+        lanes[ALONG * ROOM + k] = axis_gap(centre0, centre1, f0, g0, f1, g1)
+        lanes[TURN * ROOM + k] = direction_clearance(n0, n1, start, end) - placing
