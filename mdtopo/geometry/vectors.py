@@ -63,4 +63,4 @@ def quotient(a: float, b: float) -> float:
 
     Python's own division must raise where b is 0; a loop that may stop there is not run for several pairs at a time.
     """
-    return np.divide(a, b)  # type: ignore[no-any-return]
+    return np.divide(a, b)
