@@ -4,28 +4,32 @@ The C library of Linux gives freed memory back to the system above a limit of so
 again with the next array: the system then clears it page by page, which can cost more than what is computed in it.
 """
 
+import ctypes
+import os
 from functools import cache
 
-import numpy as np
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
+"""Names of limits in glibc's malloc.h; see mallopt(3)."""
 
-OF_A_STEP = 4 << 20
-"""Bytes. The arrays of a step of some ten thousand edges are smaller; those of a greater one may go, and take less."""
+MOST_KEPT = 256 << 20
+"""Bytes that are free and stay with the process: more than a step of 200,000 edges needs beside its positions."""
 
-OF_A_RUN = 31 << 20
-"""Bytes. Blocks of frames are as large, and several are on their way. The C library heeds no more than 32 MiB."""
+LARGEST_KEPT = 8 << 20
+"""Bytes. Greater arrays go back at once, because what is kept in one piece comes to lie in the way of other arrays."""
+
+SAID_OTHERWISE = ("MALLOC_", "GLIBC_TUNABLES")
 
 
 @cache
-def keep_freed_memory(size: int) -> None:
-    """Let the C library keep what is freed, up to twice this size, from the first call on.
+def keep_freed_memory() -> None:
+    """Let the C library keep what is freed, for the whole process, from the first call on.
 
-    glibc raises its limits to the size of a block that is freed, and to twice that size (mallopt(3), "dynamic mmap
-    threshold"). Such a block is asked for and freed at once; nobody touches it, so that it takes no memory. Limits that
-    were set in the environment (``MALLOC_…``) stand, and other C libraries do not care.
-
-    Parameters
-    ----------
-    size : int
-        Bytes: `OF_A_STEP` or `OF_A_RUN`.
+    Nothing is taken that was not in use before. Limits that were set in the environment (``MALLOC_…``,
+    ``GLIBC_TUNABLES``) stand, and C libraries other than glibc are left alone.
     """
-    np.empty(size, dtype=np.uint8)
+    if any(name.startswith(SAID_OTHERWISE) for name in os.environ):
+        return
+    library = ctypes.CDLL(None) if os.name == "posix" else None
+    if hasattr(library, "gnu_get_libc_version") and library is not None:
+        library.mallopt(M_MMAP_THRESHOLD, LARGEST_KEPT)
+        library.mallopt(M_TRIM_THRESHOLD, MOST_KEPT)

@@ -11,7 +11,7 @@ from mdtopo.blocks import covariances, measure_steps
 from mdtopo.curverows import CurveRows
 from mdtopo.curves import greatest_magnitude
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
-from mdtopo.heap import OF_A_STEP, keep_freed_memory
+from mdtopo.heap import keep_freed_memory
 from mdtopo.outcomes import conclude_steps
 from mdtopo.passages import StepData, crossing_table, decide_exactly
 from mdtopo.planning import BlockPlan, Setting, Stretch, plan_block
@@ -64,7 +64,7 @@ def measure_plan(plan: BlockPlan, strands: Strands, config: MonitorConfig) -> St
     motion between its two frames, in any periodic image; a step whose verdict is CROSSING has each crossing that is
     listed. Steps that hold an unusable frame are UNRESOLVED. The same holds of the smooth curve, for ``curve_verdict``.
     """
-    keep_freed_memory(OF_A_STEP)
+    keep_freed_memory()
     n = plan.block.n_steps
     rows, curve = unmeasured(n), CurveRows.empty(n, config.curve)
     bad = np.array([bool(problem) for problem in plan.problems], dtype=np.bool_)

@@ -69,13 +69,13 @@ def polyline_step(
     positions = np.empty((2, *x0.shape))
     positions[0], positions[1] = x0, x1
     block = FrameBlock(0, FRAMES, UNKNOWN_TIMES, positions, cells, problems=("", ""))
-    return measure_plan(plan_step(block, strands), strands, _of_one_step(config or MonitorConfig())).report(0)
+    return measure_plan(plan_step(block, strands), strands, _of_one_step(config)).report(0)
 
 
 @cache
-def _of_one_step(config: MonitorConfig) -> MonitorConfig:
+def _of_one_step(config: MonitorConfig | None) -> MonitorConfig:
     """Return the configuration that looks at the polyline of one step alone; the curve's step is `curve_step`."""
-    return replace(config, curve="none", profile_steps=0)
+    return replace(config or MonitorConfig(), curve="none", profile_steps=0)
 
 
 def nu(x: Points, strands: Strands, *, cell: Cell | None = None) -> float:

@@ -12,7 +12,6 @@ from typing import Any
 from mdtopo.bonds import BondState, reference_lengths
 from mdtopo.curverows import refuse_long_strands
 from mdtopo.errors import InputError, TrajectoryError
-from mdtopo.heap import OF_A_RUN, keep_freed_memory
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import measure_plan
 from mdtopo.pipeline.ahead import read_ahead
@@ -166,7 +165,6 @@ def measured_blocks(
         When a frame cannot be read; the steps before it have been yielded by then.
     """
     check_frames(reader, frames)
-    keep_freed_memory(OF_A_RUN)
     resume_at = None if restart is None else restart.frame
     first, stream = lead_in(reader, frames, config.reference_frames, resume_at)
     if not first:
