@@ -359,6 +359,15 @@ def write_edge_lengths(x: FloatArray, edges: IntArray, lengths: FloatArray) -> f
 
 
 @njit(cache=True, nogil=True)
+def greatest_magnitudes(frames: FloatArray) -> FloatArray:
+    """Return `greatest_magnitude` of each of several arrays, shape (k,)."""
+    found = np.empty(len(frames))
+    for k in range(len(frames)):
+        found[k] = greatest_magnitude(frames[k])
+    return found
+
+
+@njit(cache=True, nogil=True)
 def greatest_magnitude(x: FloatArray) -> float:
     """Return the greatest absolute value in an array in one piece of memory; 0 where it is empty, NaN where it has one.
 

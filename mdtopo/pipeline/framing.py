@@ -5,10 +5,12 @@ from itertools import chain, islice
 
 import numpy as np
 
+from mdtopo.curves import greatest_magnitudes
 from mdtopo.errors import StrandError, TrajectoryError
 from mdtopo.planning import ring_windings
 from mdtopo.readers import Reader
 from mdtopo.records import Frame, FrameBlock, Strands
+from mdtopo.records.frames import LARGEST_COORDINATE
 
 
 def lead_in(
@@ -102,20 +104,25 @@ def block_of(frames: Sequence[Frame], first_step: int, *, periodic: bool) -> Fra
     """
     empty = np.full((3, 3), np.nan)
     cells = np.stack([frame.cell if frame.cell is not None else empty for frame in frames])
+    positions = np.stack([frame.positions for frame in frames])
+    sound = (greatest_magnitudes(positions) <= LARGEST_COORDINATE).tolist()  # not where one is NaN
     return FrameBlock(
         first_step,
         np.array([frame.index for frame in frames], dtype=np.int64),
         np.array([frame.time for frame in frames]),
-        np.stack([frame.positions for frame in frames]),
+        positions,
         cells if periodic else None,
-        tuple(frame_problem(frame, periodic=periodic) for frame in frames),
+        tuple(frame_problem(*each, periodic=periodic) for each in zip(frames, sound, strict=True)),
     )
 
 
-def frame_problem(frame: Frame, *, periodic: bool) -> str:
-    """Return why a frame cannot be used in a run, in words; empty where it can."""
+def frame_problem(frame: Frame, has_sound_coordinates: bool = False, *, periodic: bool) -> str:
+    """Return why a frame cannot be used in a run, in words; empty where it can.
+
+    Its coordinates are looked at unless they are known to be sound.
+    """
     if periodic and frame.cell is None:
         return "it has no periodic box, unlike the trajectory's first frame"
     if not periodic and frame.cell is not None:
         return "it has a periodic box, unlike the trajectory's first frame"
-    return frame.problem
+    return frame.cell_problem if has_sound_coordinates else frame.problem

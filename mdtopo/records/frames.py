@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -40,6 +41,11 @@ def has_volume(cell: Cell) -> bool:
     return bool(abs(volume) > LEAST_VOLUME)
 
 
+@lru_cache(maxsize=4)  # most boxes keep their size
+def _has_volume(cell: bytes) -> bool:
+    return has_volume(np.frombuffer(cell).reshape(3, 3))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One saved configuration of the selected vertices.
@@ -64,14 +70,22 @@ class Frame:
     @property
     def problem(self) -> str:
         """Why the frame cannot be used, in words; empty where it can."""
+        return self.coordinate_problem or self.cell_problem
+
+    @property
+    def coordinate_problem(self) -> str:
+        """Why its coordinates cannot be used, in words; empty where they can."""
         if not np.abs(self.positions).max(initial=0.0) <= LARGEST_COORDINATE:  # also where it is NaN
             bad = np.flatnonzero(~(np.abs(self.positions) <= LARGEST_COORDINATE).all(axis=1))
             count = "1 vertex has" if len(bad) == 1 else f"{len(bad)} vertices have"
             value = self.positions[bad[0]].tolist()
             return f"{count} a coordinate that is not finite or beyond 1e12 Å (the first is vertex {bad[0]}: {value})"
-        if self.cell is None:
-            return ""
-        if not has_volume(self.cell):
+        return ""
+
+    @property
+    def cell_problem(self) -> str:
+        """Why its cell cannot be used, in words; empty where it can, or there is none."""
+        if self.cell is not None and not _has_volume(np.asarray(self.cell, dtype=np.float64).tobytes()):
             return f"its periodic box has no volume, or is not finite: {self.cell.tolist()}"
         return ""
 

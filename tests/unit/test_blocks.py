@@ -5,8 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from mdtopo.blocks import WholeFrames, whole_frames
-from mdtopo.curves import edge_lengths, greatest_magnitude, image_jumps, whole_strands
-from mdtopo.records import Strands, Traces
+from mdtopo.curves import edge_lengths, greatest_magnitude, greatest_magnitudes, image_jumps, whole_strands
+from mdtopo.pipeline import block_of
+from mdtopo.records import Frame, Strands, Traces
+from mdtopo.records.frames import LARGEST_COORDINATE
 
 Points = NDArray[np.float64]
 
@@ -117,6 +119,25 @@ def test_the_greatest_magnitude_is_that_of_a_plain_search() -> None:
             assert greatest_magnitude(x) == np.abs(x).max() == scale
     assert greatest_magnitude(np.array([[-0.0, 0.0, -0.0]])) == 0.0
     assert greatest_magnitude(np.empty((0, 3))) == 0.0
+    assert greatest_magnitudes(np.array([[[1.0, -2, 0]], [[3, 0, -0.0]]])).tolist() == [2.0, 3.0]
+    for nan in (np.nan, -np.nan):
+        assert np.isnan(greatest_magnitude(np.array([[1.0, nan, np.inf], [-np.inf, 2.0, 3.0]])))
+    assert greatest_magnitude(np.array([[1.0, -np.inf, 1e308]])) == np.inf
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_block_says_of_each_frame_what_the_frame_says(periodic: bool) -> None:
+    limit = LARGEST_COORDINATE
+    values = [0.0, limit, -limit, np.nextafter(limit, np.inf), -2 * limit, np.nan, -np.inf, 1.0, 1.0, 1.0]
+    cells = [np.diag([5.0, 6, 7])] * 7 + [np.diag([5.0, 6, 0]), np.full((3, 3), np.nan), np.diag([5.0, 6, 7])]
+    frames = [
+        Frame(k, float(k), np.array([[1.0, 2, 3], [4, 5, value]]), cell if periodic else None)
+        for k, (value, cell) in enumerate(zip(values, cells, strict=True))
+    ]
+    problems = block_of(frames, 0, periodic=periodic).problems
+    assert problems == tuple(frame.problem for frame in frames)
+    assert [bool(problem) for problem in problems] == [False] * 3 + [True] * 4 + [periodic] * 2 + [False]
+    assert all("unlike" in problem for problem in block_of(frames, 0, periodic=not periodic).problems)
     assert greatest_magnitude(np.array([[1.0, -np.inf, 2.0]])) == np.inf
     assert np.isnan(greatest_magnitude(np.array([[np.inf, np.nan, 2.0]])))
     assert np.isnan(greatest_magnitude(np.array([[1e300, -np.nan, 2.0]])))
