@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mdtopo.geometry.vectors import quotient
 from mdtopo.records import Reason, Scope, Verdict
 from mdtopo.steprows import OPEN, StepRow, StepRows
 
@@ -73,12 +74,6 @@ def conclude_step(row: StepRow, bad: bool, duration: float, error: float) -> Non
     elif is_measured and row["rung"] != OPEN:
         row["verdict"], row["scope"] = CERTIFIED, scope_of(row["clearance"], error)
     row["reason"] = reason_of(row, bad)
-
-
-@njit(cache=True, nogil=True)
-def quotient(a: float, b: float) -> float:
-    """Return a/b, b not negative; infinite where only b is 0."""
-    return a * np.inf if b == 0.0 else a / b
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from mdtopo.curves import greatest_magnitude
 from mdtopo.errors import InputError
-from mdtopo.measure import measure_plan
+from mdtopo.measure import measure_one
 from mdtopo.planning import plan_step
 from mdtopo.records import Frame, FrameBlock, MonitorConfig, StepReport, Strands
 from mdtopo.records.frames import LARGEST_COORDINATE, has_volume
@@ -69,7 +69,7 @@ def polyline_step(
     positions = np.empty((2, *x0.shape))
     positions[0], positions[1] = x0, x1
     block = FrameBlock(0, FRAMES, UNKNOWN_TIMES, positions, cells, problems=("", ""))
-    return measure_plan(plan_step(block, strands), strands, _of_one_step(config)).report(0)
+    return measure_one(plan_step(block, strands), strands, _of_one_step(config))
 
 
 @cache

@@ -56,6 +56,12 @@ def columns_of(rows: StepRows) -> dict[str, Any]:
     return {column.name: rows[column.name] for column in MEASURED}
 
 
+def first_values(rows: StepRows) -> list[Any]:
+    """Return what the first row holds of these columns, in their order, as plain numbers and arrays."""
+    values: list[Any] = list(rows.item(0)[: len(MEASURED)])
+    return values
+
+
 def settle(row: StepRow, undecided: int, still_open: int) -> None:
     """Note that exact arithmetic has decided some pairs of a step that the ladder left undecided."""
     if not undecided:

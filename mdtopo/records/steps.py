@@ -329,10 +329,17 @@ class StepTable:
         """Return one row as an object."""
         step, columns = self.first_step + row, self._all_columns()(self)
         values: list[Any] = [column[row].copy() if column.ndim > 1 else column.item(row) for column in columns]
-        for position, members in self._coded():
-            values[position] = members[values[position]]
         crossings, curve_crossings = self.crossings.of_step(step), self.curve_crossings.of_step(step)
-        return StepReport(step, self.problems[row], crossings, curve_crossings, *values)  # the columns, in their order
+        return self.report_of(step, self.problems[row], crossings, curve_crossings, values)
+
+    @classmethod
+    def report_of(
+        cls, step: int, problem: str, crossings: Crossings, curve_crossings: Crossings, values: list[Any]
+    ) -> "StepReport":
+        """Return a row as an object, given the values of all columns in their order; codes become enum members."""
+        for position, members in cls._coded():
+            values[position] = members[values[position]]
+        return StepReport(step, problem, crossings, curve_crossings, *values)
 
     @classmethod
     @cache

@@ -9,9 +9,24 @@ import oracles
 import pytest
 from numpy.typing import NDArray
 
+from mdtopo.measure import measure_one, measure_plan
 from mdtopo.pipeline import step_tables
+from mdtopo.planning import plan_step
 from mdtopo.readers import ReaderRequest, Source, open_reader
-from mdtopo.records import MonitorConfig, PairClass, Profile, Reason, Rung, StepTable, Strands, Stretches, Verdict
+from mdtopo.records import (
+    Crossings,
+    FrameBlock,
+    MonitorConfig,
+    PairClass,
+    Profile,
+    Reason,
+    Rung,
+    StepReport,
+    StepTable,
+    Strands,
+    Stretches,
+    Verdict,
+)
 from mdtopo.records.profile import rounded_down
 
 Points = NDArray[np.float64]
@@ -241,3 +256,29 @@ def test_a_strand_whose_every_edge_is_broken_leaves_a_table_without_pairs() -> N
     assert np.isnan(table.clearance[3:]).all()
     assert np.isnan(table.bond_stretch[3:]).all()
     assert (table.bond_stretch_edge[3:] == -1).all()
+
+
+@pytest.mark.parametrize("curve", ["none", "interpolating"])
+@pytest.mark.parametrize("motion", ["lab", "rigid"])
+@pytest.mark.parametrize("cell", CELLS)
+def test_one_step_is_reported_as_its_row_of_a_table(cell: str, motion: str, curve: str) -> None:
+    config = MonitorConfig(motion=motion, curve=curve, profile_steps=0)  # type: ignore[arg-type]
+    for k, shift in ((0, 0.0), (1, 4.0), (BAD, 0.0)):  # certified, with crossings, and one that cannot be measured
+        positions = trajectory()[k : k + 2].copy()
+        positions[:, 14:] += (3.7, -1.0, 0.0)
+        positions[1, 14:, 2] += shift
+        cells = None if CELLS[cell] is None else np.stack([CELLS[cell]] * 2)
+        problem = "damaged" if k == BAD else ""
+        block = FrameBlock(7, np.array([k, k + 1]), np.array([0.5, 1.5]), positions, cells, (problem, ""))
+        plan = plan_step(block, STRANDS)
+        found, expected = measure_one(plan, STRANDS, config), measure_plan(plan, STRANDS, config).report(0)
+        for entry in fields(StepReport):
+            one, other = getattr(found, entry.name), getattr(expected, entry.name)
+            if isinstance(other, Crossings):
+                assert [repr(c) for c in one] == [repr(c) for c in other]
+            elif isinstance(other, np.ndarray):
+                assert (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes()), entry.name
+            else:
+                assert type(one) is type(other), entry.name
+                np.testing.assert_equal(one, other)
+        assert found.verdict is {0: Verdict.CERTIFIED, 1: Verdict.CROSSING, BAD: Verdict.UNRESOLVED}[k]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mdtopo.outcomes import conclude_steps, quotient, scope_of, write_greatest_stretch, write_least_clearance
+from mdtopo.outcomes import conclude_steps, scope_of, write_greatest_stretch, write_least_clearance
 from mdtopo.records import Reason, Rung, Scope, Verdict
 from mdtopo.steprows import StepRow, StepRows, unmeasured
 
@@ -125,12 +125,16 @@ def test_the_least_clearance_is_that_of_the_first_class_that_has_it(clearances: 
     assert rows["clearance_pair"][0].tolist() == pair_of(kind)
 
 
-@pytest.mark.parametrize(
-    ("a", "b"), [(1.0, 4.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 0.0), (NAN, 0.0), (NAN, 1.0), (1.0, NAN)]
-)
-def test_a_quotient_is_that_of_ieee_arithmetic(a: float, b: float) -> None:
+@pytest.mark.parametrize("ratio", [0.5, 0.0, NAN])
+@pytest.mark.parametrize("nu", [2.0, 0.0, NAN])
+@pytest.mark.parametrize("displacement", [0.25, 0.0, NAN])
+def test_ratios_are_those_of_ieee_arithmetic(displacement: float, nu: float, ratio: float) -> None:
+    rows = measured()
+    rows["displacement_max"], rows["nu"], rows["pair_ratio"] = displacement, nu, ratio
+    row = concluded(rows)
     with np.errstate(all="ignore"):
-        np.testing.assert_equal(quotient(a, b), float(np.float64(a) / np.float64(b)))
+        np.testing.assert_equal(float(row["nu_ratio"]), float(2.0 * np.float64(displacement) / np.float64(nu)))
+        np.testing.assert_equal(float(row["certifiable_interval"]), float(np.float64(2.0) / np.float64(ratio)))
 
 
 @pytest.mark.parametrize(
