@@ -10,7 +10,7 @@ import numpy as np
 from mdtopo.audit import changed_invariants
 from mdtopo.blocks import covariances, measure_steps
 from mdtopo.curverows import CurveRows
-from mdtopo.curves import greatest_magnitude
+from mdtopo.curves import greatest_magnitudes
 from mdtopo.geometry.rigid import best_rotations, rotation_angles
 from mdtopo.heap import keep_freed_memory
 from mdtopo.outcomes import conclude_steps
@@ -207,7 +207,7 @@ def _errors(block: FrameBlock, config: MonitorConfig) -> Lengths:
     """Return how far each point of a step may be from where the file, or a turned coordinate, has it, Å."""
     errors = np.full(block.n_steps, config.coordinate_error or 0.0)
     if config.motion == "rigid" or block.cells is not None:
-        greatest = np.array([greatest_magnitude(x) for x in block.positions])
+        greatest = greatest_magnitudes(block.positions)
         if block.cells is not None:
             greatest = greatest + 2.0 * np.abs(block.cells).sum(axis=(1, 2))
         errors += PLACING_ERROR * np.maximum(greatest[1:], greatest[:-1])
