@@ -237,11 +237,12 @@ def lower_bounds(
     """
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     image, has_images, x0, x1 = (0, 0, 0), len(images) > 0, motion.x0, motion.x1
+    shift0, shift1 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for k in range(len(pairs)):
         i, j = pairs[k, 0], pairs[k, 1]
         if has_images:
             image = (images[k, 0], images[k, 1], images[k, 2])
-        shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
+            shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
         centre0, centre1, _ = centres(rows, i, j, image, basis0, basis1)
         f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
         f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
