@@ -323,11 +323,11 @@ def jumping_edge(motion: StepMotion, edges: IntArray) -> int:
     and now on the other: the strand behind the edge then jumps with it.
     """
     basis = basis_of(motion.cell0)
-    inverse, shortest = inverse_of(basis), norm(basis[0])
+    inverse, long = inverse_of(basis), (LONG_EDGE * norm(basis[0])) ** 2
     for k in range(len(edges)):
         e0 = subtract(row(motion.x0, edges[k, 1]), row(motion.x0, edges[k, 0]))
         e1 = subtract(row(motion.x1, edges[k, 1]), row(motion.x1, edges[k, 0]))
-        if max(norm(e0), norm(e1)) < LONG_EDGE * shortest:
+        if max(dot(e0, e0), dot(e1, e1)) < long:
             continue
         turn = subtract(e1, e0)
         counts = nearest_image(turn, basis, inverse)

@@ -80,13 +80,6 @@ def comes_first(edges: IntArray, i: int, j: int, witness: IntArray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def changes_nu(near0: float, near1: float, low0: float, low1: float, values: FloatArray) -> bool:
-    """Return whether a pair of edges with these distances may change ν at one of the ends, its pair included."""
-    proven = low0 < values[NU0_PROVEN] or low1 < values[NU1_PROVEN]
-    return proven or near1 < values[NU1] or near0 <= values[NU0]
-
-
-@njit(cache=True, nogil=True)
 def keep_nu(
     edges: IntArray,
     i: int,

@@ -5,8 +5,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
-from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
-from mdtopo.geometry.bundles import near_edges
+from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet, least_shift
+from mdtopo.geometry.bundles import diagonal_of, edge_boxes, near_boxes
 from mdtopo.geometry.lattice import basis_of
 from mdtopo.geometry.pairs import BOUND_ERROR
 from mdtopo.spheres import Spheres, midpoints
@@ -28,7 +28,7 @@ def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> F
 
     Two edges of which the enlarged ones never meet, as boxes or as swept spheres, stay more than `reach` apart. Rung 2
     proves as much: the slabs across an axis are further apart, or those across the line of centres, and what rounding
-    takes from these is added here (see `cheap_bounds`; the line of centres is as long as both spheres are wide where
+    takes from these is added here (see `pairlanes.slabs_of`; the line of centres is as long as both spheres are wide where
     they just miss each other). So whether such a pair is looked at cannot be seen in a clearance. And its ratio is
     below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already: ρ is at most the sum of the
     motions.
@@ -47,15 +47,16 @@ def pairs_in_reach(
 ) -> tuple[IntArray, IntArray, bool]:
     """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_edges`.
 
-    Only where images can meet are they looked for: the search without them is several times faster.
+    Only where images can meet are they looked for: the search without them is several times faster. They cannot where
+    they are shifted by more than the diagonal of all boxes together, or by what `images_can_meet` finds.
     """
-    if periodic:
-        radii = spheres.half + pads
-        basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-        mid0, mid1 = midpoints(motion.x0, edges), midpoints(motion.x1, edges)
+    boxes, no_images = edge_boxes(motion.x0, motion.x1, edges, pads), np.empty((0, 3), dtype=np.int64)
+    basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
+    if periodic and not diagonal_of(boxes) * REACH_GUARD < least_shift(basis0, basis1):
+        mid0, mid1, radii = midpoints(motion.x0, edges), midpoints(motion.x1, edges), spheres.half + pads
         if images_can_meet(mid0, mid1, radii, basis0, basis1):
             return candidate_pairs(mid0, mid1, radii, motion.cell0, motion.cell1, periodic)
-    return near_edges(motion.x0, motion.x1, edges, trace, pads), np.empty((0, 3), dtype=np.int64), True
+    return near_boxes(boxes, trace), no_images, True
 
 
 @njit(cache=True, nogil=True)

@@ -9,21 +9,27 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.contacts import corners_of
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.bisection import bisected_clearance
-from mdtopo.geometry.distances import closest_points, dual_bound
 from mdtopo.geometry.lattice import Basis, Counts, basis_of, lattice_vector
-from mdtopo.geometry.pairs import (
-    BOUND_ERROR,
-    Corners,
-    cheap_bounds,
-    direction_clearance,
-    hull_clearance,
-    is_far,
-    line_bound,
-    relative_motion,
+from mdtopo.geometry.pairlanes import (
+    ALONG,
+    END,
+    GAP,
+    LOW0,
+    LOW1,
+    RHO,
+    ROOM,
+    START,
+    TURN,
+    corners_at,
+    ends_of_edges,
+    fresh_lanes,
+    measure_lanes,
+    shift_edge,
+    write_edge,
 )
+from mdtopo.geometry.pairs import BOUND_ERROR, Corners, hull_clearance, is_far, relative_motion
 from mdtopo.geometry.passage import PASSES, moving_pair, passages
 from mdtopo.geometry.vectors import Vector, add, dot, norm, subtract
 from mdtopo.ladder import WIDEST_REACH
@@ -106,6 +112,7 @@ def edge_clearances(
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
     spheres, rows, least = spheres_of(motion, edges), edge_rows(motion, edges), np.full(len(edges), np.inf)
+    ends = ends_of_edges(motion.x0, motion.x1, edges)
     has_self, has_inter = has_pairs(trace, following, periodic)
     widest = WIDEST_REACH * mean_edge_length(spheres) if has_self or has_inter else np.inf
     ceilings, no_images = np.full(len(edges), widest), np.empty((0, 3), dtype=np.int64)
@@ -116,8 +123,8 @@ def edge_clearances(
         if not countable:
             return np.zeros(len(edges))
         pairs, images = near_pairs(pairs, images, motion, following, rows, slack, ceilings)
-        lower_bounds(pairs, images, motion, edges, rows, slack, placing, ceilings, least)
-    lower_bounds(local_pairs, no_images, motion, edges, rows, slack, placing, ceilings, least)
+        lower_bounds(pairs, images, motion, ends, slack, placing, least)
+    lower_bounds(local_pairs, no_images, motion, ends, slack, placing, least)
     for e in range(len(edges)):
         least[e] = min(least[e], ceilings[e])
         if least[e] == np.inf:
@@ -223,72 +230,48 @@ def lower_bounds(
     pairs: IntArray,
     images: IntArray,
     motion: StepMotion,
-    edges: IntArray,
-    rows: FloatArray,
+    ends: FloatArray,
     slack: float,
     placing: float,
-    ceilings: FloatArray,
     least: FloatArray,
 ) -> None:
-    """Lower the bound of both edges of each pair to what is proved of it.
-
-    A pair whose cheap bounds show that it lowers neither is passed over; the bound of an edge is to be no more than its
-    ceiling in the end. (For the arrays that are named outside the loop see `mdtopo.rungs.climb_pairs`.)
-    """
+    """Lower the bound of both edges of each pair to what is proved of it; 0 where nothing is."""
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    image, has_images, x0, x1 = (0, 0, 0), len(images) > 0, motion.x0, motion.x1
-    shift0, shift1 = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for k in range(len(pairs)):
-        i, j = pairs[k, 0], pairs[k, 1]
-        if has_images:
-            image = (images[k, 0], images[k, 1], images[k, 2])
-            shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
-        centre0, centre1, _ = centres(rows, i, j, image, basis0, basis1)
-        f0, g0 = part_of(rows, i, SPAN0), part_of(rows, j, SPAN0)
-        f1, g1 = part_of(rows, i, SPAN1), part_of(rows, j, SPAN1)
-        wanted = max(min(ceilings[i], least[i]), min(ceilings[j], least[j]))
-        halves = rows[i, HALF] + rows[j, HALF]
-        gap, low0, low1, rho = cheap_bounds(centre0, centre1, f0, g0, f1, g1, halves, slack)
-        known = max(gap, 0.5 * (low0 + low1 - rho))
-        if known > 0.0 and known >= wanted:
-            continue
-        rounding = slack + BOUND_ERROR * (norm(centre0) + norm(centre1) + halves)
-        low0 = max(low0, line_bound(centre0, f0, g0) - rounding)
-        low1 = max(low1, line_bound(centre1, f1, g1) - rounding)
-        known = max(known, 0.5 * (low0 + low1 - rho))
-        if known > 0.0 and known >= wanted:
-            continue
-        start, end = corners_of(i, j, shift0, shift1, x0, x1, edges)
-        bound = max(known, pair_clearance(start, end, (gap, low0, low1), placing))
-        least[i], least[j] = min(least[i], bound), min(least[j], bound)
+    lanes, has_images = fresh_lanes(), len(images) > 0
+    for first in range(0, len(pairs), ROOM):
+        count = min(ROOM, len(pairs) - first)
+        for k in range(count):
+            write_edge(lanes, 0, np.uint64(k), ends, pairs[first + k, 0])
+            write_edge(lanes, 6, np.uint64(k), ends, pairs[first + k, 1])
+            if has_images:
+                image = (images[first + k, 0], images[first + k, 1], images[first + k, 2])
+                shift_edge(lanes, np.uint64(k), lattice_vector(image, basis0), lattice_vector(image, basis1))
+        measure_lanes(lanes, count, slack, placing)
+        for k in range(count):
+            gap, along, turn = lanes[GAP * ROOM + k], lanes[ALONG * ROOM + k], lanes[TURN * ROOM + k]
+            still = 0.5 * (lanes[LOW0 * ROOM + k] + lanes[LOW1 * ROOM + k] - lanes[RHO * ROOM + k])
+            bound = max(max(gap, along - slack), max(still, turn))
+            if not bound > 0.0:
+                bound = dear_clearance(corners_at(lanes, START, k), corners_at(lanes, END, k), placing)
+            i, j = pairs[first + k, 0], pairs[first + k, 1]
+            least[i], least[j] = min(least[i], bound), min(least[j], bound)
 
 
 @njit(cache=True, nogil=True)
-def pair_clearance(start: Corners, end: Corners, bounds: tuple[float, float, float], placing: float) -> float:
-    """Return the clearance of one pair of edges by the cheapest rung that proves one, Å; 0 where none does.
+def dear_clearance(start: Corners, end: Corners, placing: float) -> float:
+    """Return the clearance of one pair of edges that none of the cheap rungs settles, Å; 0 where none is proved.
 
     Parameters
     ----------
     start, end : Corners
         Ends of the two edges at both ends of the step.
-    bounds : tuple of 3 floats
-        Proven already: of the distance at all times, and at both ends of the step.
     placing : float
         Rounding of the positions, Å.
     """
-    gap, low0, low1 = bounds
-    _, _, n0 = closest_points(start[0], start[1], start[2], start[3])
-    _, _, n1 = closest_points(end[0], end[1], end[2], end[3])
-    low0 = max(dual_bound(n0, start[0], start[1], start[2], start[3]) - placing, low0)
-    low1 = max(dual_bound(n1, end[0], end[1], end[2], end[3]) - placing, low1)
-    rho = relative_motion(start, end) + placing
-    clearance = max(gap, 0.5 * (low0 + low1 - rho))
+    clearance = hull_clearance(start, end) - placing
     # tests are for what is proved, so that a NaN proves nothing
     if not clearance > 0.0:
-        clearance = direction_clearance(n0, n1, start, end) - placing
-    if not clearance > 0.0:
-        clearance = hull_clearance(start, end) - placing
-    if not clearance > 0.0:
         state, _, _, _ = passages(start, end, placing)
+        rho = relative_motion(start, end) + placing
         clearance = 0.0 if state == PASSES else bisected_clearance(moving_pair(start, end, placing), rho)
     return clearance if clearance > 0.0 else 0.0

@@ -49,14 +49,14 @@ def bisected_clearance(pair: MovingPair, rho: float) -> float:
     ---------
     Proven: within a piece of length h the distance is at least half of (d0 + d1 - h·ρ), as on rung 3.
     """
-    ends, far, depths = np.empty(DEEPEST + 2), np.empty(DEEPEST + 2), np.empty(DEEPEST + 2, dtype=np.int64)
-    t, here = 0.0, distance_bound(pair, 0.0)
-    ends[0], far[0], depths[0], waiting = 1.0, distance_bound(pair, 1.0), 0, 1
+    pieces = np.empty((DEEPEST + 2, 3))  # those that wait: where each ends, how far apart the edges are then, its depth
+    t, here, waiting = 0.0, distance_bound(pair, 0.0), 1
+    pieces[0, 0], pieces[0, 1], pieces[0, 2] = 1.0, distance_bound(pair, 1.0), 0.0
     least = np.inf
     for _ in range(MOST_LOOKS):
         if waiting == 0:
             return least
-        end, there, depth = ends[waiting - 1], far[waiting - 1], depths[waiting - 1]
+        end, there, depth = pieces[waiting - 1, 0], pieces[waiting - 1, 1], pieces[waiting - 1, 2]
         if not (here > 0.0 and there > 0.0):
             return 0.0
         clearance = 0.5 * (here + there - (end - t) * rho * (1.0 + 8.0 * UNIT_ROUNDOFF))
@@ -66,8 +66,8 @@ def bisected_clearance(pair: MovingPair, rho: float) -> float:
             continue
         if depth == DEEPEST:
             return 0.0
-        depths[waiting - 1] = depth + 1
+        pieces[waiting - 1, 2] = depth + 1.0
         middle = 0.5 * (t + end)
-        ends[waiting], far[waiting], depths[waiting] = middle, distance_bound(pair, middle), depth + 1
+        pieces[waiting, 0], pieces[waiting, 1], pieces[waiting, 2] = middle, distance_bound(pair, middle), depth + 1.0
         waiting += 1
     return 0.0

@@ -68,7 +68,7 @@ def candidate_pairs(
 
     Returns
     -------
-    pairs : ndarray of int, shape (k, 2)
+    pairs : ndarray of int32, shape (k, 2)
         Sphere indices, the first one in the home image.
     images : ndarray of int, shape (k, 3), or (0, 3)
         Lattice counts of the second sphere; left out where all are 0, without a cell or in a wide one.
@@ -87,15 +87,15 @@ def candidate_pairs(
     if has_images:
         source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
     if len(source) < m:
-        return np.empty((0, 2), dtype=np.int64), np.empty((0, 3), dtype=np.int64), False
+        return np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
     order, starts, shape, low, width = sorted_into_cells(spheres, ORDINARY, False)
     spheres = spheres[order]
     found, count = _scan(order, starts, shape, width, spheres, m)
     found, count = _scan_large(order, starts, shape, low, width, spheres, m, found, count)
     if not has_images:
-        return found[:count], images[:0], True
-    pairs, shifts = np.empty((count, 2), dtype=np.int64), np.empty((count, 3), dtype=np.int64)
+        return found[:count].astype(np.int32), images[:0], True
+    pairs, shifts = np.empty((count, 2), dtype=np.int32), np.empty((count, 3), dtype=np.int64)
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
         pairs[k, 0], pairs[k, 1] = source[first], source[second]
@@ -108,9 +108,8 @@ def candidate_pairs(
 def images_can_meet(mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis) -> bool:
     """Return whether the system is large enough for a sphere to meet an image of another, or of itself.
 
-    All spheres stay within R of one point. An image s is |s·H(t)| away, and s·H(t) lies within |s·ΔH|/2 of one of its
-    ends, which is at most |s·H0|/2 times the norm of H0⁻¹ΔH; so nothing meets where the shortest lattice vector, so
-    reduced, is longer than 2R. This spares a molecule that turns in a wide box all its images.
+    All spheres stay within R of one point, so nothing meets where images are shifted by more than 2R. This spares a
+    molecule that turns in a wide box all its images.
     """
     centre, n = (0.0, 0.0, 0.0), len(radii)
     for i in range(n):
@@ -119,6 +118,16 @@ def images_can_meet(mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis
     for i in range(n):
         away = max(norm(subtract(row(mid0, i), centre)), norm(subtract(row(mid1, i), centre)))
         radius = max(radius, away + radii[i])
+    return least_shift(basis0, basis1) <= 2.0 * radius * OVERLAP_GUARD
+
+
+@njit(cache=True, nogil=True)
+def least_shift(basis0: Basis, basis1: Basis) -> float:
+    """Return a length, Å, that no image of anything is ever shifted by less, while the cell moves linearly.
+
+    An image s is |s·H(t)| away, and s·H(t) lies within |s·ΔH|/2 of one of its ends, which is at most |s·H0|/2 times the
+    norm of H0⁻¹ΔH: so the shortest lattice vector of both ends, so reduced. Negative where the cell changes too much.
+    """
     inverse, squared = inverse_of(basis0), 0.0
     for k in range(3):
         turned = combine(inverse[k], subtract_bases(basis1, basis0))
@@ -127,8 +136,7 @@ def images_can_meet(mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis
     a, b, c = reduced_basis(basis0)
     end = reduced_basis(basis1)
     shortest = min(norm(a), min(norm(b), norm(c)))
-    shortest = min(shortest, min(norm(end[0]), min(norm(end[1]), norm(end[2]))))
-    return shortest * shrunk <= 2.0 * radius * OVERLAP_GUARD
+    return min(shortest, min(norm(end[0]), min(norm(end[1]), norm(end[2])))) * shrunk
 
 
 @njit(cache=True, nogil=True)
@@ -256,7 +264,7 @@ def _grown(values: IntArray, capacity: int) -> IntArray:
 @njit(cache=True, nogil=True)
 def grown_rows(values: IntArray, capacity: int) -> IntArray:
     """Return rows of integers with room for more behind them."""
-    larger = np.empty((capacity, values.shape[1]), dtype=np.int64)
+    larger = np.empty((capacity, values.shape[1]), dtype=values.dtype)
     larger[: len(values)] = values
     return larger
 

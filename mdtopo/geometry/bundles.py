@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mdtopo.geometry.broadphase import GRID_GUARD, SLICES, cells_between, grown_rows, sorted_into_cells
 from mdtopo.geometry.lattice import Counts
-from mdtopo.geometry.vectors import Vector
+from mdtopo.geometry.vectors import Vector, norm, subtract
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ def near_edges(x0: FloatArray, x1: FloatArray, edges: IntArray, trace: IntArray,
 
     Returns
     -------
-    pairs : ndarray of int, shape (k, 2)
+    pairs : ndarray of int32, shape (k, 2)
         Edges i < j, without those at most two places apart on one trace. (Around the end of a ring they are listed.)
 
     Guarantee
@@ -78,8 +78,9 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
 
     Returns
     -------
-    pairs : ndarray of int, shape (k, 2)
-        Edges i < j, without those at most two places apart on one trace; see `near_edges`.
+    pairs : ndarray of int32, shape (k, 2)
+        Edges i < j, without those at most two places apart on one trace; see `near_edges`. Of dense strands these are
+        the largest array of a step.
     """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
@@ -97,6 +98,16 @@ def edge_boxes(x0: FloatArray, x1: FloatArray, edges: IntArray, pads: FloatArray
             boxes[k, axis] = min(min(p, q), min(r, s)) - pad
             boxes[k, axis + 3] = max(max(p, q), max(r, s)) + pad
     return boxes
+
+
+@njit(cache=True, nogil=True)
+def diagonal_of(boxes: FloatArray) -> float:
+    """Return how long the diagonal is of the box that holds all boxes, Å: no two points in them are further apart."""
+    low, high = (np.inf, np.inf, np.inf), (-np.inf, -np.inf, -np.inf)
+    for k in range(len(boxes)):
+        low = (min(low[0], boxes[k, 0]), min(low[1], boxes[k, 1]), min(low[2], boxes[k, 2]))
+        high = (max(high[0], boxes[k, 3]), max(high[1], boxes[k, 4]), max(high[2], boxes[k, 5]))
+    return norm(subtract(high, low))
 
 
 @njit(cache=True, nogil=True)

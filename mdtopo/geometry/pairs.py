@@ -49,23 +49,6 @@ def line_bound(centre: Vector, first: Vector, second: Vector) -> float:
     return quotient(abs(dot(normal, centre)), np.sqrt(size)) if crossed else 0.0
 
 
-@njit(cache=True, nogil=True)
-def motion_bound(drift: Vector, first: Vector, second: Vector) -> float:
-    """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from midpoints; Å.
-
-    Parameters
-    ----------
-    drift : tuple of 3 floats
-        Motion of the second edge's midpoint relative to the first's.
-    first, second : tuple of 3 floats
-        Motion of the half edge vectors; the four corners move by drift ± first ± second.
-    """
-    a, b, c = dot(drift, first), dot(drift, second), dot(first, second)
-    most = max(max(a + b + c, a - b - c), max(b - a - c, c - a - b))
-    squared = dot(drift, drift) + dot(first, first) + dot(second, second) + 2.0 * most
-    return np.sqrt(max(squared, 0.0)) * (1.0 + 32.0 * UNIT_ROUNDOFF)
-
-
 @njit(cache=True, nogil=True, forceinline=True)
 def relative_motion(start: Corners, end: Corners) -> float:
     """Return ρ, how far a corner of one edge moves relative to a corner of the other at most, from the corners; Å.
@@ -130,7 +113,17 @@ def slab_gaps(
 ) -> tuple[float, float]:
     """Return how far the slabs across the mean line of centres are apart at both ends, Å; minus infinity without one.
 
-    Parameters as for `cheap_bounds`. What rounding takes from them is not subtracted.
+    Parameters
+    ----------
+    centre0, centre1 : tuple of 3 floats
+        From the midpoint of the first edge to that of the second, at both ends.
+    first0, second0, first1, second1 : tuple of 3 floats
+        Half edge vectors at both ends.
+
+    Guarantee
+    ---------
+    Proven lower bounds of the distances at the two ends, and the lesser one of the distance at all times, but for
+    rounding, which is not subtracted.
     """
     w = add(centre0, centre1)
     squared = dot(w, w)
@@ -138,47 +131,6 @@ def slab_gaps(
     slab0 = quotient(slab_bound(w, centre0, first0, second0), length)
     slab1 = quotient(slab_bound(w, centre1, first1, second1), length)
     return (slab0 if squared > LEAST_SQUARE else -np.inf), (slab1 if squared > LEAST_SQUARE else -np.inf)
-
-
-@njit(cache=True, nogil=True)
-def cheap_bounds(
-    centre0: Vector,
-    centre1: Vector,
-    first0: Vector,
-    second0: Vector,
-    first1: Vector,
-    second1: Vector,
-    reach: float,
-    slack: float,
-) -> tuple[float, float, float, float]:
-    """Return what is known of a pair without any closest-point search.
-
-    Parameters
-    ----------
-    centre0, centre1 : tuple of 3 floats
-        From the midpoint of the first edge to that of the second, at both ends.
-    first0, second0, first1, second1 : tuple of 3 floats
-        Half edge vectors at both ends.
-    reach : float
-        Sum of the greatest half lengths.
-    slack : float
-        Rounding of the positions themselves, Å.
-
-    Returns
-    -------
-    gap : float
-        Proven lower bound of the distance at all times; useless where negative.
-    low0, low1 : float
-        Proven lower bounds of the distance at the two ends, not negative.
-    rho : float
-        Greatest relative motion of two corners, an upper bound.
-    """
-    drift = subtract(centre1, centre0)
-    rho = motion_bound(drift, subtract(first1, first0), subtract(second1, second0)) + slack
-    rounding = slack + BOUND_ERROR * (norm(add(centre0, centre1)) + rho + reach)
-    slab0, slab1 = slab_gaps(centre0, centre1, first0, second0, first1, second1)
-    slab0, slab1 = slab0 - rounding, slab1 - rounding
-    return min(slab0, slab1), max(slab0, 0.0), max(slab1, 0.0), rho
 
 
 @njit(cache=True, nogil=True, forceinline=True)
