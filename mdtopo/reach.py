@@ -29,9 +29,9 @@ def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> F
     Two edges of which the enlarged ones never meet, as boxes or as swept spheres, stay more than `reach` apart. Rung 2
     proves as much: the slabs across an axis are further apart, or those across the line of centres, and what rounding
     takes from these is added here (see `slabs_of`: the line of centres is as long as both spheres are wide where they
-    just miss each other, and the half edges enter by |x| + |y| + |z|). So whether such a pair is looked at cannot be seen in a clearance. And its ratio is
-    below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known already: ρ is at most the sum of the
-    motions.
+    just miss each other, and the half edges enter by |x| + |y| + |z|). So whether such a pair is looked at cannot be
+    seen in a clearance. And its ratio is below both 1/RATIO_REACH and `ratio`, the greatest one of a pair that is known
+    already: ρ is at most the sum of the motions.
     """
     share = 0.5 * RATIO_REACH if ratio * RATIO_REACH <= 1.0 else 0.5 / ratio
     pads = np.empty(len(spheres.half))

@@ -84,7 +84,8 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)
-    return edge_pairs(meeting_boxes(bundles), starts, bundles, boxes, last_neighbours(trace))
+    near, order = meeting_boxes(bundles)
+    return edge_pairs(near, starts[order], bundles[order], sorted_boxes(boxes, starts, order), last_neighbours(trace))
 
 
 @njit(cache=True, nogil=True)
@@ -147,8 +148,10 @@ def last_neighbours(trace: IntArray) -> IntArray:
 
 
 @njit(cache=True, nogil=True)
-def meeting_boxes(boxes: FloatArray) -> IntArray:
-    """Return every pair of boxes that meet, lower index first, and each box with itself; in float32, a few more.
+def meeting_boxes(boxes: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return every pair of boxes that meet, and each box with itself, and in which order; in float32, a few more.
+
+    Boxes that are near each other in space are so in this order, and the pairs are pairs of places in it.
 
     Each box lies in the cell of its centre. Boxes of ordinary size that meet lie in the same cell or in adjacent ones;
     larger ones look as far as they can reach. Cells go all across the system along y: so the boxes to try lie in few
@@ -164,14 +167,13 @@ def meeting_boxes(boxes: FloatArray) -> IntArray:
         places[k, 3] = size * GRID_GUARD
     order, starts, shape, low, width = sorted_into_cells(places, ORDINARY, True)
     places = places[order]
-    narrow, order = narrowed(boxes, order), np.append(order, np.zeros(8, dtype=np.int64))
-    found = np.empty((LIKELY_MEETINGS * n + 64, 2), dtype=np.int64)
-    count = _scan_ordinary(order, starts, shape, width, narrow, places, found)
+    narrow, found = narrowed(boxes, order), np.empty((LIKELY_MEETINGS * n + 64, 2), dtype=np.int64)
+    count = _scan_ordinary(starts, shape, width, narrow, places, found)
     if count >= len(found):  # one row more is needed than there are pairs: see there
         found = np.empty((count + 1, 2), dtype=np.int64)
-        count = _scan_ordinary(order, starts, shape, width, narrow, places, found)
-    found, count = _scan_large(order, starts, shape, low, width, narrow, places, found, count)
-    return found[:count]
+        count = _scan_ordinary(starts, shape, width, narrow, places, found)
+    found, count = _scan_large(starts, shape, low, width, narrow, places, found, count)
+    return found[:count], order
 
 
 @njit(cache=True, nogil=True)
@@ -193,7 +195,6 @@ def narrowed(boxes: FloatArray, order: IntArray) -> SingleArray:
 
 @njit(cache=True, nogil=True)
 def _scan_ordinary(
-    order: IntArray,
     starts: IntArray,
     shape: Counts,
     width: float,
@@ -204,8 +205,8 @@ def _scan_ordinary(
     """Write the pairs of ordinary boxes, and each box with itself, into `found` while there is room; return how many.
 
     A cell meets the rest of its own row, and the rows beside it that come later. Here a large box is turned inside
-    out, with which it meets nobody. `order` goes on for eight boxes more, as flags are looked at in eights; a pair that
-    does not meet is written too, where the next one will overwrite it, so the last row of `found` is never a pair's.
+    out, with which it meets nobody. A pair that does not meet is written too, where the next one will overwrite it, so
+    the last row of `found` is never a pair's.
     """
     n = len(places)
     nx, ny, nz = shape
@@ -227,7 +228,7 @@ def _scan_ordinary(
                 own_row = line == across and layer == above
                 lower, upper = np.uint64(starts[first_cell + left]), np.uint64(starts[first_cell + right])
                 for p in range(begin, end):
-                    first, i = p + ONE if own_row else lower, order[p]
+                    first = p + ONE if own_row else lower
                     size = upper - first
                     x, y, z, u, v, w = b[0, p], b[1, p], b[2, p], b[3, p], b[4, p], b[5, p]
                     for k in range(size):
@@ -239,16 +240,14 @@ def _scan_ordinary(
                     for h in range((size + EIGHT - ONE) >> THREE):
                         if eights[h] != 0:
                             for k in range(EIGHT * h, EIGHT * h + EIGHT):
-                                j = order[first + k]
                                 at = min(count, last)
-                                found[at, 0], found[at, 1] = min(i, j), max(i, j)
+                                found[at, 0], found[at, 1] = p, first + k
                                 count += np.uint64(flags[k])
     return np.int64(count)
 
 
 @njit(cache=True, nogil=True)
 def _scan_large(
-    order: IntArray,
     starts: IntArray,
     shape: Counts,
     low: Vector,
@@ -276,18 +275,46 @@ def _scan_large(
                     found = grown_rows(found, 2 * len(found) + upper - lower)
                 for q in range(lower, upper):
                     if q < p or not 2.0 * places[q, 3] > width:
-                        found[count, 0], found[count, 1] = min(order[p], order[q]), max(order[p], order[q])
+                        found[count, 0], found[count, 1] = p, q
                         below = (narrow[0, q] <= b[3]) & (narrow[1, q] <= b[4]) & (narrow[2, q] <= b[5])
                         count += below & (narrow[3, q] >= b[0]) & (narrow[4, q] >= b[1]) & (narrow[5, q] >= b[2])
     return found, count
 
 
 @njit(cache=True, nogil=True)
-def edge_pairs(near: IntArray, starts: IntArray, bundles: FloatArray, boxes: FloatArray, last: IntArray) -> IntArray:
-    """Return the pairs of edges, of bundles that meet, whose own boxes meet; without neighbours along a trace."""
-    found, count, done = np.empty((2 * len(boxes) + 64, 2), dtype=np.int64), 0, 0
+def sorted_boxes(boxes: FloatArray, starts: IntArray, order: IntArray) -> FloatArray:
+    """Return the boxes of the edges, those of a bundle in four rows: bundles in the given order, and so near in memory.
+
+    A row without an edge holds a box that is turned inside out, which meets nobody.
+    """
+    found = np.empty((BUNDLE * len(order), 6))
+    for p in range(len(order)):
+        first, stop = starts[order[p]], starts[order[p] + 1]
+        for n in range(BUNDLE):
+            for axis in range(3):
+                low, high = np.inf, -np.inf
+                if first + n < stop:
+                    low, high = boxes[first + n, axis], boxes[first + n, axis + 3]
+                found[BUNDLE * p + n, axis], found[BUNDLE * p + n, axis + 3] = low, high
+    return found
+
+
+@njit(cache=True, nogil=True)
+def edge_pairs(near: IntArray, firsts: IntArray, bundles: FloatArray, boxes: FloatArray, last: IntArray) -> IntArray:
+    """Return the pairs of edges, of bundles that meet, whose own boxes meet; without neighbours along a trace.
+
+    Parameters
+    ----------
+    near : ndarray of int, shape (k, 2)
+        Pairs of bundles.
+    firsts, bundles, boxes : ndarray
+        First edge and box of each bundle, and the boxes of its edges, see `sorted_boxes`.
+    last : ndarray of int
+        Of each edge its last neighbour, see `last_neighbours`.
+    """
+    found, count, done = np.empty((2 * len(last) + 64, 2), dtype=np.int64), 0, 0
     while True:
-        done, count = _edge_pairs_into(found, count, near, done, starts, bundles, boxes, last)
+        done, count = _edge_pairs_into(found, count, near, done, firsts, bundles, boxes, last)
         if done == len(near):
             return found[:count]
         found = grown_rows(found, 3 * len(found) // 2)  # by half: while it is copied, both are held
@@ -299,7 +326,7 @@ def _edge_pairs_into(
     count: int,
     near: IntArray,
     done: int,
-    starts: IntArray,
+    firsts: IntArray,
     bundles: FloatArray,
     boxes: FloatArray,
     last: IntArray,
@@ -309,16 +336,24 @@ def _edge_pairs_into(
     A loop that puts a larger array in the place of `found` would count the references of both in every round.
     """
     for n in range(done, len(near)):
-        first, second = near[n, 0], near[n, 1]
         if count + BUNDLE * BUNDLE > len(found):
             return n, count
-        for i in range(starts[first], starts[first + 1]):
-            x, y, z, u, v, w = boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3], boxes[i, 4], boxes[i, 5]
-            below = (bundles[second, 0] <= u) & (bundles[second, 1] <= v) & (bundles[second, 2] <= w)
-            if not below & (bundles[second, 3] >= x) & (bundles[second, 4] >= y) & (bundles[second, 5] >= z):
+        p, q = np.uint64(near[n, 0]), np.uint64(near[n, 1])
+        if firsts[p] > firsts[q]:
+            p, q = q, p
+        first, second = firsts[p], firsts[q]
+        for a in range(BUNDLE):
+            row = np.uint64(BUNDLE) * p + np.uint64(a)
+            x, y, z, u, v, w = boxes[row, 0], boxes[row, 1], boxes[row, 2], boxes[row, 3], boxes[row, 4], boxes[row, 5]
+            below = (bundles[q, 0] <= u) & (bundles[q, 1] <= v) & (bundles[q, 2] <= w)
+            if not below & (bundles[q, 3] >= x) & (bundles[q, 4] >= y) & (bundles[q, 5] >= z):
                 continue
-            for j in range(max(starts[second], last[i] + 1), starts[second + 1]):
-                found[count, 0], found[count, 1] = i, j
-                below = (boxes[j, 0] <= u) & (boxes[j, 1] <= v) & (boxes[j, 2] <= w)
-                count += below & (boxes[j, 3] >= x) & (boxes[j, 4] >= y) & (boxes[j, 5] >= z)
+            i, begin = first + a, 0
+            if second <= i + 2:
+                begin = max(last[i] + 1 - second, 0)
+            for b in range(begin, BUNDLE):
+                row = np.uint64(BUNDLE) * q + np.uint64(b)
+                found[count, 0], found[count, 1] = i, second + b
+                below = (boxes[row, 0] <= u) & (boxes[row, 1] <= v) & (boxes[row, 2] <= w)
+                count += below & (boxes[row, 3] >= x) & (boxes[row, 4] >= y) & (boxes[row, 5] >= z)
     return len(near), count
