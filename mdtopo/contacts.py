@@ -5,7 +5,7 @@ the origin then, and bisection would never end. What has none and no clearance e
 (`mdtopo.passages`).
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,7 +21,7 @@ from mdtopo.geometry.vectors import Vector, add, norm, row, scale, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 BoolArray = NDArray[np.bool_]
 
 HULL, BISECTION = int(Rung.HULL), int(Rung.BISECTION)

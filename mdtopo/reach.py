@@ -1,5 +1,7 @@
 """The pairs of edges that must be looked at, so that no extreme of a step is missed."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -12,7 +14,7 @@ from mdtopo.geometry.pairs import BOUND_ERROR
 from mdtopo.spheres import Spheres, midpoints
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 
 RATIO_REACH = 1.25
 """Pairs whose ratio is at least 1/1.25 = 0.8 are always in reach: they have d0 + d1 ≤ 1.25 ρ, and ρ is at most the sum

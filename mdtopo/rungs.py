@@ -5,6 +5,8 @@ first those are sorted out that are too far apart to matter, which most are; the
 them, and are then measured in full.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -51,7 +53,7 @@ from mdtopo.reach import RATIO_REACH
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 BoolArray = NDArray[np.bool_]
 FlagArray = NDArray[np.uint8]
 

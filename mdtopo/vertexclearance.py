@@ -5,6 +5,8 @@ here where it may be the closest of one of its two edges. So this costs more tha
 of many.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -53,7 +55,7 @@ from mdtopo.spheres import (
 )
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 
 
 @njit(cache=True, nogil=True)

@@ -1,5 +1,7 @@
 """Which pairs of moving spheres may meet? A cell grid, with the periodic images as ghosts."""
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -40,7 +42,7 @@ MAX_CELL_DRIFT = 0.8
 FURTHEST_IMAGE = 6.0
 """Cells. Where spheres could reach further, as when a cell turns far in one step, their images are too many to list."""
 
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 FloatArray = NDArray[np.float64]
 
 

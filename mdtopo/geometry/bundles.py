@@ -7,6 +7,8 @@ a time; indices are unsigned there, because of a signed one it would have to ask
 are no periodic images here; `mdtopo.geometry.broadphase` has them.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from mdtopo.geometry.broadphase import GRID_GUARD, SLICES, cells_between, grown_
 from mdtopo.geometry.lattice import Counts
 from mdtopo.geometry.vectors import Vector, norm, subtract
 
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
@@ -312,7 +314,7 @@ def edge_pairs(near: IntArray, firsts: IntArray, bundles: FloatArray, boxes: Flo
     last : ndarray of int
         Of each edge its last neighbour, see `last_neighbours`.
     """
-    found, count, done = np.empty((2 * len(last) + 64, 2), dtype=np.int64), 0, 0
+    found, count, done = np.empty((2 * len(last) + 64, 2), dtype=np.int32), 0, 0
     while True:
         done, count = _edge_pairs_into(found, count, near, done, firsts, bundles, boxes, last)
         if done == len(near):

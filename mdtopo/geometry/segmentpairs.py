@@ -4,6 +4,8 @@ Nearly all segments and pairs of a curve are settled by their chords and boxes (
 listed, for `mdtopo.geometry.subdivision` to settle.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -17,7 +19,7 @@ from mdtopo.geometry.segmentshapes import MID0, MID1, RADIUS, chord_separation
 from mdtopo.geometry.vectors import Vector, add, norm
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+IntArray = NDArray[np.signedinteger[Any]]
 
 
 @njit(cache=True, nogil=True)
