@@ -157,10 +157,11 @@ def usable_rows(table: AtomTable) -> tuple[Indices, list[str]]:
 
 def _is_ion(table: AtomTable) -> Flags:
     alone = (table.residue_size == 1) & (table.residue_kind == OTHER)
-    plain = [str(name).upper().strip("+-") for name in table.resname]
-    named = np.array([name in LONE_RESIDUES for name in plain], dtype=np.bool_)
-    metal = np.array([str(element).upper() in METALS for element in table.element], dtype=np.bool_)
-    return np.asarray(alone & (named | (metal & (table.name != ""))), dtype=np.bool_)
+    ions = np.zeros(len(table), dtype=np.bool_)
+    for row in np.flatnonzero(alone).tolist():
+        named = str(table.resname[row]).upper().strip("+-") in LONE_RESIDUES
+        ions[row] = named or (bool(table.name[row]) and str(table.element[row]).upper() in METALS)
+    return ions
 
 
 def _is_spare_location(table: AtomTable) -> Flags:

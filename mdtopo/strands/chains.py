@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from mdtopo.errors import StrandError
-from mdtopo.strands.atoms import OTHER, AtomTable
+from mdtopo.strands.atoms import NUCLEIC, OTHER, PROTEIN, AtomTable
 from mdtopo.strands.links import BondGraph, backbone_links
 from mdtopo.strands.steps import StepCheck
-from mdtopo.typing import Indices
+from mdtopo.typing import Flags, Indices
 
 WRAPPED_NUMBERS = frozenset({(99999, 0), (99999, 1), (9999, 0), (9999, 1)})
 """Residue numbers of five (GRO) or four (PDB) digits start again here within one chain."""
@@ -35,20 +35,19 @@ class Chain:
 
 def molecules(table: AtomTable, rows: Indices) -> list[Indices]:
     """Return the rows of each molecule, or where the file has none of each chain and segid; in file order."""
-    groups: dict[tuple[str, ...], list[int]] = {}
-    for row in rows:
-        if table.molecule is not None:
-            key: tuple[str, ...] = (str(table.molecule[row]),)
-        else:
-            key = (str(table.chain[row]), str(table.segid[row]))
-        groups.setdefault(key, []).append(int(row))
+    columns = [table.chain, table.segid] if table.molecule is None else [table.molecule]
+    groups: dict[tuple[str | int, ...], list[int]] = {}
+    # whole columns at once: one value of an array costs more than all that is done with it
+    for row, *key in zip(rows.tolist(), *(column[rows].tolist() for column in columns), strict=True):
+        groups.setdefault(tuple(key), []).append(row)
     return [np.array(group, dtype=np.int64) for group in groups.values()]
 
 
 def candidate_pairs(table: AtomTable, groups: Sequence[Indices]) -> Indices:
     """Return the consecutive rows that labels and numbers allow to be joined, shape (m, 2)."""
-    pairs = [(i, j) for rows in groups for i, j in _pairs(rows) if not _parts(table, i, j)]
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    pairs = [np.stack([rows[:-1], rows[1:]], axis=1) for rows in groups]
+    consecutive = np.concatenate([np.empty((0, 2), dtype=np.int64), *pairs])
+    return np.asarray(consecutive[~_part(table, consecutive[:, 0], consecutive[:, 1])], dtype=np.int64)
 
 
 def ordered_chains(table: AtomTable, rows: Indices, check: StepCheck) -> list[Chain]:
@@ -59,8 +58,8 @@ def ordered_chains(table: AtomTable, rows: Indices, check: StepCheck) -> list[Ch
     (lipids). Within a chain a step longer than the cut is a gap.
     """
     chains = [Chain([Run([int(rows[0])])], [])]
-    for i, j in _pairs(rows):
-        if _parts(table, i, j):
+    for (i, j), parts in zip(_pairs(rows), _part(table, rows[:-1], rows[1:]).tolist(), strict=True):
+        if parts:
             chains.append(Chain([Run([j])], []))
         elif reason := check.gap_reason(i, j):
             chains[-1].runs.append(Run([j]))
@@ -70,33 +69,34 @@ def ordered_chains(table: AtomTable, rows: Indices, check: StepCheck) -> list[Ch
     return chains
 
 
-def _parts(table: AtomTable, i: int, j: int) -> bool:
-    return is_chain_end(table, i, j) or _are_unrelated(table, i, j)
+def _part(table: AtomTable, i: Indices, j: Indices) -> Flags:
+    return are_chain_ends(table, i, j) | _are_unrelated(table, i, j)
 
 
-def is_chain_end(table: AtomTable, i: int, j: int) -> bool:
-    """Return whether labels and numbers alone say that row i ends a chain and row j starts another one."""
-    if table.chain[i] != table.chain[j] or table.segid[i] != table.segid[j]:
-        return True
-    if table.residue[i] == table.residue[j]:
-        return False
-    kinds = {str(table.residue_kind[i]), str(table.residue_kind[j])}
-    return kinds == {"protein", "nucleic"} or _restarts(table, i, j)
+def are_chain_ends(table: AtomTable, i: Indices, j: Indices) -> Flags:
+    """Return whether labels and numbers alone say that the rows i end a chain and the rows j start another one."""
+    elsewhere = (table.chain[i] != table.chain[j]) | (table.segid[i] != table.segid[j])
+    first, second = table.residue_kind[i], table.residue_kind[j]
+    changes = ((first == PROTEIN) & (second == NUCLEIC)) | ((first == NUCLEIC) & (second == PROTEIN))
+    return np.asarray(
+        elsewhere | ((table.residue[i] != table.residue[j]) & (changes | _restart(table, i, j))), dtype=np.bool_
+    )
 
 
-def _restarts(table: AtomTable, i: int, j: int) -> bool:
-    last, first = int(table.resid[i]), int(table.resid[j])
-    if first == last:
-        return bool(table.icode[i] == table.icode[j])
-    return first < last and (last, first) not in WRAPPED_NUMBERS
+def _restart(table: AtomTable, i: Indices, j: Indices) -> Flags:
+    last, first = table.resid[i], table.resid[j]
+    wrapped = np.zeros(len(last), dtype=np.bool_)
+    for highest, lowest in WRAPPED_NUMBERS:
+        wrapped |= (last == highest) & (first == lowest)
+    repeated = (first == last) & (table.icode[i] == table.icode[j])
+    return np.asarray(repeated | ((first < last) & ~wrapped), dtype=np.bool_)
 
 
-def _are_unrelated(table: AtomTable, i: int, j: int) -> bool:
+def _are_unrelated(table: AtomTable, i: Indices, j: Indices) -> Flags:
     # Two residues of several atoms that are no amino acids or nucleotides: lipids as likely as a synthetic
     # polymer. Nothing in the file says that they are joined, and a false edge is worse than a missing strand.
-    if table.residue[i] == table.residue[j]:
-        return False
-    return any(table.residue_kind[row] == OTHER and table.residue_size[row] > 1 for row in (i, j))
+    foreign = (table.residue_kind == OTHER) & (table.residue_size > 1)
+    return np.asarray((table.residue[i] != table.residue[j]) & (foreign[i] | foreign[j]), dtype=np.bool_)
 
 
 def bonded_chains(table: AtomTable, rows: Indices, graph: BondGraph) -> tuple[list[Chain], list[str]]:
@@ -167,8 +167,8 @@ def _followed(start: int, partners: dict[int, list[int]]) -> list[int]:
 def _refuse_branches(table: AtomTable, rows: Indices, partners: dict[int, list[int]]) -> None:
     """Raise if bonds branch and consecutive atoms are not joined, unless a chain has a mere gap."""
     residues = len(set(table.residue[rows].tolist())) == len(rows) and bool((table.residue_kind[rows] != OTHER).all())
-    for i, j in _pairs(rows):
-        if j in partners[i] or residues or is_chain_end(table, i, j):
+    for (i, j), ends in zip(_pairs(rows), are_chain_ends(table, rows[:-1], rows[1:]).tolist(), strict=True):
+        if j in partners[i] or residues or ends:
             continue
         branch = next(row for row, found in partners.items() if len(found) > 2)
         raise StrandError(
@@ -198,9 +198,12 @@ def _closes(run: list[int], partners: dict[int, list[int]]) -> bool:
 def _joined(table: AtomTable, runs: Sequence[Run]) -> list[Chain]:
     """Return the chains of runs that no bond joins: gaps in a chain of residues, ends of chains of beads."""
     chains = [Chain([runs[0]], [])]
-    for before, after in pairwise(runs):
+    lasts = np.array([run.rows[-1] for run in runs[:-1]], dtype=np.int64)
+    firsts = np.array([run.rows[0] for run in runs[1:]], dtype=np.int64)
+    parted = are_chain_ends(table, lasts, firsts) | (table.residue_kind[firsts] == OTHER)
+    for (before, after), parts in zip(pairwise(runs), parted.tolist(), strict=True):
         i, j = before.rows[-1], after.rows[0]
-        if before.closed or after.closed or is_chain_end(table, i, j) or table.residue_kind[j] == OTHER:
+        if before.closed or after.closed or parts:
             chains.append(Chain([after], []))
         else:
             chains[-1].runs.append(after)

@@ -1,11 +1,12 @@
 """How far consecutive atoms are apart, and from which length on there is no edge between them."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mdtopo.geometry.lattice import basis_of, reduced_basis
 from mdtopo.records.frames import has_volume
 from mdtopo.strands.atoms import OTHER, AtomTable, counted
-from mdtopo.typing import Cell, Indices, Lengths, Points
+from mdtopo.typing import Cell, Flags, Indices, Lengths, Points
 
 CA_CUT = 5.0
 """Å. CA to CA is 3.8 (2.9 in a cis peptide), seldom beyond 4.2; over a missing residue 5.0 and more."""
@@ -69,44 +70,64 @@ class StepCheck:
         self, table: AtomTable, pairs: Indices, positions: Points, cell: Cell | None, cut: float | None
     ) -> None:
         self._table, self._positions, self._cell = table, positions, cell
-        lengths = nearest_steps(positions[pairs[:, 1]] - positions[pairs[:, 0]], cell)
-        kinds = np.array([self._kind(int(i), int(j)) for i, j in pairs], dtype=np.str_)
-        medians = {str(kind): _median(lengths[kinds == kind]) for kind in np.unique(kinds)}
+        i, j = pairs[:, 0], pairs[:, 1]
+        lengths = nearest_steps(positions[j] - positions[i], cell)
+        kinds, missing = _kinds(table, i, j), _missing_numbers(table, i, j)
+        medians = {kind: _median(lengths[kinds == kind]) for kind in set(kinds.tolist())}
         self._cuts = {kind: cut or FIXED_CUTS.get(kind, MEDIAN_FACTOR * m) for kind, m in medians.items()}
-        self._skip_cuts = {kind: cut or min(self._cuts[kind], SKIP_FACTOR * m) for kind, m in medians.items()}
-        self._lengths = {(int(i), int(j)): float(d) for (i, j), d in zip(pairs, lengths, strict=True)}
+        limits = np.empty(len(pairs))
+        for kind, median in medians.items():
+            whole, skipping = self._cuts[kind], cut or min(self._cuts[kind], SKIP_FACTOR * median)
+            chosen = kinds == kind
+            limits[chosen] = np.where(missing[chosen] > 0, skipping, whole)
+        # a step that is not a number is not beyond its limit
+        self._gaps = {
+            (int(i[k]), int(j[k])): self._reason(int(i[k]), int(j[k]), lengths[k], limits[k], int(missing[k]))
+            for k in np.flatnonzero(lengths > limits)
+        }
 
-    def _kind(self, i: int, j: int) -> str:
-        names = {str(self._table.name[i]), str(self._table.name[j])}
-        if names <= CA_NAMES:
-            return "CA"
-        return "C4'" if names <= NUCLEIC_NAMES else f"{self._table.residue_kind[i]} residue"
-
-    def is_short(self, i: int, j: int) -> bool:
-        """Return whether any two rows are as near as an edge allows, the ends of a strand for example."""
-        difference = self._positions[j] - self._positions[i]
-        return bool(nearest_steps(difference[None, :], self._cell)[0] <= self._cuts.get(self._kind(i, j), 0.0))
-
-    def gap_reason(self, i: int, j: int) -> str:
-        """Return why there is no edge between two consecutive rows; empty if there is one.
-
-        A step that is not a number cannot be judged and is no gap: the strands must not hang on one bad
-        frame.
-        """
-        kind, missing = self._kind(i, j), self._missing_numbers(i, j)
-        length, cut = self._lengths[i, j], (self._skip_cuts if missing else self._cuts)[kind]
-        if not length > cut:
-            return ""
+    def _reason(self, i: int, j: int, length: float, cut: float, missing: int) -> str:
         numbers = f", with {counted(missing, 'residue number')} missing in between" if missing else ""
         return (
             f"{self._table.label(i)} and {self._table.label(j)} are {length:.3g} Å apart, "
             f"beyond the cut of {cut:.3g} Å{numbers}"
         )
 
-    def _missing_numbers(self, i: int, j: int) -> int:
-        if self._table.residue_kind[i] == OTHER or self._table.residue_kind[j] == OTHER:
-            return 0  # the numbers of beads are those of atoms, of which a selection may take every other one
-        return max(int(self._table.resid[j]) - int(self._table.resid[i]) - 1, 0)
+    def is_short(self, i: int, j: int) -> bool:
+        """Return whether any two rows are as near as an edge allows, the ends of a strand for example."""
+        difference = self._positions[j] - self._positions[i]
+        kind = str(_kinds(self._table, np.array([i]), np.array([j]))[0])
+        return bool(nearest_steps(difference[None, :], self._cell)[0] <= self._cuts.get(kind, 0.0))
+
+    def gap_reason(self, i: int, j: int) -> str:
+        """Return why there is no edge between two rows that are one of the pairs; empty if there is one.
+
+        A step that is not a number cannot be judged and is no gap: the strands must not hang on one bad
+        frame.
+        """
+        return self._gaps.get((i, j), "")
+
+
+def _kinds(table: AtomTable, i: Indices, j: Indices) -> NDArray[np.str_]:
+    """Return for each pair of rows what kind of step it is, in words: those of one kind have one cut."""
+    both_ca = _are_named(table, i, CA_NAMES) & _are_named(table, j, CA_NAMES)
+    both_nucleic = _are_named(table, i, NUCLEIC_NAMES) & _are_named(table, j, NUCLEIC_NAMES)
+    others = np.strings.add(table.residue_kind[i], " residue")
+    return np.asarray(np.where(both_ca, "CA", np.where(both_nucleic, "C4'", others)), dtype=np.str_)
+
+
+def _are_named(table: AtomTable, rows: Indices, names: frozenset[str]) -> Flags:
+    found = np.zeros(len(rows), dtype=np.bool_)
+    for name in names:
+        found |= table.name[rows] == name
+    return found
+
+
+def _missing_numbers(table: AtomTable, i: Indices, j: Indices) -> Indices:
+    between = np.maximum(table.resid[j] - table.resid[i] - 1, 0)
+    # the numbers of beads are those of atoms, of which a selection may take every other one
+    beads = (table.residue_kind[i] == OTHER) | (table.residue_kind[j] == OTHER)
+    return np.asarray(np.where(beads, 0, between), dtype=np.int64)
 
 
 def _median(lengths: Lengths) -> float:
