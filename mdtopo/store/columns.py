@@ -2,16 +2,21 @@
 
 import json
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a, h5d, h5p, h5s, h5t
 from numpy.typing import NDArray
 
 from mdtopo.errors import AuditError
 from mdtopo.records import Alert, Crossings, StepTable, Stretches
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
-from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, PROBLEMS, STRETCHES, Layout, column_dtype
+from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, PROBLEMS, STRETCHES, TEXT, Layout, column_dtype
+
+GZIP_LEVEL = 4
+"""The usual one of h5py."""
 
 
 class StepColumns:
@@ -61,7 +66,7 @@ class StepColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name, buffer in self._buffers.items():
-            extend(self._group[name], buffer[: self._held])
+            extend(open_column(self._group, name), buffer[: self._held])
         self._held = 0
 
 
@@ -87,7 +92,7 @@ class CrossingColumns:
         """Write the crossings that are held back."""
         held = Crossings.joined(self._held)
         for name in CROSSINGS:
-            extend(self._group[name], getattr(held, name))
+            extend(open_column(self._group, name), getattr(held, name))
         self._held = []
 
 
@@ -112,7 +117,9 @@ class AlertColumns:
     def flush(self) -> None:
         """Write the alerts that are held back."""
         for name, layout in ALERTS.items():
-            extend(self._group[name], np.array([_alert_value(row[name]) for row in self._held], layout.dtype))
+            extend(
+                open_column(self._group, name), np.array([_alert_value(row[name]) for row in self._held], layout.dtype)
+            )
         self._held = []
 
 
@@ -137,7 +144,7 @@ class StretchColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name in STRETCHES if self._held else ():
-            extend(self._group[name], np.concatenate([getattr(table, name) for table in self._held]))
+            extend(open_column(self._group, name), np.concatenate([getattr(table, name) for table in self._held]))
         self._held = []
 
 
@@ -162,7 +169,7 @@ class ProblemColumns:
     def flush(self) -> None:
         """Write the rows that are held back."""
         for name, values in zip(PROBLEMS, zip(*self._held, strict=True), strict=False):
-            extend(self._group[name], np.array(values, PROBLEMS[name].dtype))
+            extend(open_column(self._group, name), np.array(values, PROBLEMS[name].dtype))
         self._held = []
 
 
@@ -179,32 +186,57 @@ def storable_text(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
 
 
-def create_column(group: h5py.Group, name: str, layout: Layout) -> h5py.Dataset:
-    """Return a new dataset without rows."""
-    dataset = group.create_dataset(
-        name,
-        shape=(0, *layout.row_shape),
-        maxshape=(None, *layout.row_shape),
-        chunks=(CHUNK_ROWS, *layout.row_shape),
-        dtype=layout.dtype,
-        compression="gzip",
-        shuffle=True,
-        track_times=False,  # equal runs write equal bytes
-    )
-    dataset.attrs["unit"] = layout.unit
-    dataset.attrs["description"] = layout.description
-    return dataset
+def create_column(group: h5py.Group, name: str, layout: Layout) -> h5d.DatasetID:
+    """Return a new dataset without rows.
+
+    A file has a hundred of them, and `h5py.Group.create_dataset` with attributes takes longer than to fill them: what
+    is the same for all is prepared once.
+    """
+    space = h5s.create_simple((0, *layout.row_shape), (h5s.UNLIMITED, *layout.row_shape))
+    kind = h5t.py_create(np.dtype(layout.dtype), logical=True)
+    column = h5d.create(group.id, name.encode(), kind, space, dcpl=_creation(layout.row_shape))
+    for key, text in ((b"unit", layout.unit), (b"description", layout.description)):
+        attribute = h5a.create(column, key, _stored_text(), h5s.create_simple(()))
+        attribute.write(np.array(text, TEXT))
+    return column
 
 
-def extend(dataset: h5py.Dataset, values: NDArray[Any]) -> None:
-    """Add rows at the end of a dataset.
+@cache
+def _creation(row_shape: tuple[int, ...]) -> h5p.PropDCID:
+    """Return how a dataset is stored: as `create_dataset` does with gzip and shuffle."""
+    properties = h5p.create(h5p.DATASET_CREATE)
+    properties.set_chunk((CHUNK_ROWS, *row_shape))
+    properties.set_shuffle()
+    properties.set_deflate(GZIP_LEVEL)
+    properties.set_obj_track_times(False)  # equal runs write equal bytes
+    return properties
+
+
+@cache
+def _stored_text() -> h5t.TypeID:
+    return h5t.py_create(TEXT, logical=True)
+
+
+def open_column(group: h5py.Group, name: str) -> h5d.DatasetID:
+    """Return a dataset that is there."""
+    return h5d.open(group.id, name.encode())
+
+
+def extend(column: h5d.DatasetID, values: NDArray[Any]) -> None:
+    """Add rows at the end of a dataset; texts must have its dtype.
 
     Whoever adds to many lets go of each: HDF5 keeps megabytes of chunks for every dataset that is open.
     """
-    if len(values):
-        start = len(dataset)
-        dataset.resize(start + len(values), axis=0)
-        dataset[start:] = values
+    if not len(values):
+        return
+    is_text = values.dtype.kind == "O"
+    rows = np.ascontiguousarray(values) if is_text else np.ascontiguousarray(values, column.dtype)
+    start = column.shape[0]
+    column.set_extent((start + len(rows), *rows.shape[1:]))
+    space = column.get_space()
+    space.select_hyperslab((start, *(0 for _ in rows.shape[1:])), rows.shape)
+    # an enum in memory is what it is in the file; Python's texts are converted, as their dtype says
+    column.write(h5s.create_simple(rows.shape), space, rows, None if is_text else column.get_type())
 
 
 def write_columns(group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]) -> None:
