@@ -48,8 +48,16 @@ class VertexLabels:
     def text(self, vertex: int) -> str:
         """Return the label of one vertex, such as ``A:GLY12`` or ``2:57``."""
         i = int(vertex)
-        chain = f"{self.chain[i]}:" if self.chain[i] else ""
-        return f"{chain}{self.resname[i]}{self.resid[i]}{self.icode[i]}"
+        return _label(self.chain[i], self.resname[i], self.resid[i], self.icode[i])
+
+    def texts(self) -> list[str]:
+        """Return the labels of all vertices."""
+        columns = (self.chain, self.resname, self.resid, self.icode)
+        return [_label(*row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def _label(chain: str, resname: str, resid: int, icode: str) -> str:
+    return f"{chain}:{resname}{resid}{icode}" if chain else f"{resname}{resid}{icode}"
 
 
 @dataclass(frozen=True, slots=True)

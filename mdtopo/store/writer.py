@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from mdtopo.bonds import BondState
 from mdtopo.errors import OutputError
@@ -321,18 +322,27 @@ def _write_strands(group: h5py.Group, strands: Strands) -> None:
     }
     write_columns(group, STRANDS, columns)
     texts = {
-        "vertex_label": np.array([labels.text(vertex) for vertex in range(strands.n_vertices)]),
+        "vertex_label": np.array(labels.texts()),
         "vertex_chain": labels.chain,
         "vertex_icode": labels.icode,
         "vertex_resname": labels.resname,
         "vertex_name": labels.atom,
     }
     for name, description in VERTEX_TEXTS.items():
-        encoded = np.char.encode(texts[name], "utf-8", "backslashreplace")
+        encoded = _encoded(texts[name])
         layout = Layout(h5py.string_dtype("utf-8", max(1, encoded.itemsize)), description)
         column = np.empty(len(encoded), layout.dtype)  # the dtype tells h5py that these bytes are UTF-8
         column[:] = encoded
         extend(create_column(group, name, layout), column)
+
+
+def _encoded(texts: NDArray[np.str_]) -> NDArray[np.bytes_]:
+    """Return texts in UTF-8, as wide as the longest."""
+    width = max(1, int(np.strings.str_len(texts).max(initial=0)))
+    try:
+        return texts.astype(f"S{width}")  # at once, where all is ASCII
+    except UnicodeEncodeError:
+        return np.char.encode(texts, "utf-8", "backslashreplace")
 
 
 def _broken_columns(broken: Iterable[BrokenEdge]) -> dict[str, list[Any]]:

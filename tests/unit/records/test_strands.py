@@ -1,8 +1,10 @@
 """Strands of given lengths."""
 
+import numpy as np
 import pytest
 
 from mdtopo import InputError, Strands
+from mdtopo.records import VertexLabels
 
 
 @pytest.mark.parametrize(
@@ -22,3 +24,15 @@ def test_a_strand_that_is_too_short_is_refused_in_one_sentence(lengths: list[int
 
 def test_the_shortest_strands_are_taken() -> None:
     assert Strands.from_lengths([2, 3], closed=[False, True]).n_vertices == 5
+
+
+def test_all_labels_at_once_are_those_of_the_vertices_one_by_one() -> None:
+    labels = VertexLabels(
+        chain=np.array(["A", "", "B2"]),
+        resid=np.array([12, -3, 100000]),
+        icode=np.array(["", "A", ""]),
+        resname=np.array(["GLY", "", "α"]),
+        atom=np.array(["CA", "", "P"]),
+        atom_index=np.arange(3),
+    )
+    assert labels.texts() == ["A:GLY12", "-3A", "B2:α100000"] == [labels.text(vertex) for vertex in range(3)]
