@@ -3,9 +3,12 @@
 import inspect
 import logging
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from functools import lru_cache
+from importlib import metadata
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 from mdtopo.errors import (
@@ -209,6 +212,23 @@ def _entry_points() -> list[EntryPoint]:
     built_in = {point.value for point in (*ASKED_FIRST, *ASKED_LAST)}
     plugins = [point for point in entry_points(group=GROUP) if point.value not in built_in]
     return [*ASKED_FIRST, *sorted(plugins, key=lambda point: (point.name, point.value)), *ASKED_LAST]
+
+
+def entry_points(group: str) -> tuple[EntryPoint, ...]:
+    """Return the entry points of a group; the folders are searched anew if one of them has changed since."""
+    return _searched(group, tuple((folder, _changed(folder)) for folder in sys.path))
+
+
+@lru_cache(maxsize=4)
+def _searched(group: str, _folders: tuple[tuple[str, int], ...]) -> tuple[EntryPoint, ...]:
+    return tuple(metadata.entry_points(group=group))
+
+
+def _changed(folder: str) -> int:
+    try:
+        return os.stat(folder or ".").st_mtime_ns
+    except OSError:
+        return -1
 
 
 def _loaded() -> Iterator[tuple[EntryPoint, type[Reader] | BrokenReader]]:

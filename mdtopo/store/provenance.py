@@ -7,6 +7,7 @@ import socket
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -120,8 +121,9 @@ def fingerprint(path: Path) -> InputFile:
     return InputFile(str(path.absolute()), status.st_size, _utc(modified), digest.hexdigest())
 
 
+@cache
 def _version(package: str) -> str | None:
-    # from the metadata: importing MDAnalysis takes seconds
+    # from the metadata: importing MDAnalysis takes seconds; once, because a process keeps what it has imported
     try:
         return version(package)
     except PackageNotFoundError:

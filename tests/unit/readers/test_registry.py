@@ -127,6 +127,17 @@ class TestInstalledPlugin(ReaderContract):
         )
 
 
+def test_a_plugin_that_is_installed_or_removed_meanwhile_is_noticed(site):
+    assert "table" not in installed_readers().readers
+    site.table_reader()
+    assert "table" in installed_readers().readers
+    info = site.folder / "table_reader-1.5.dist-info"
+    for file in info.iterdir():
+        file.unlink()
+    info.rmdir()
+    assert "table" not in installed_readers().readers
+
+
 class OverwritingReader(Reader):
     """Yields one buffer again and again: the fault that the contract must find."""
 
