@@ -17,6 +17,7 @@ from mdtopo.curves import (
     image_jumps,
     jumping_edge,
     lies_whole,
+    may_jump,
     step_motion,
     whole_strands,
     write_edge_lengths,
@@ -37,12 +38,14 @@ LOCAL, SELF, INTER = int(PairClass.LOCAL), int(PairClass.SELF), int(PairClass.IN
 class WholeFrames(NamedTuple):
     """Frames with whole strands: positions, reduced cells, edge lengths, and which frames can be used at all.
 
-    `jumps` counts the edges whose stored vector jumps by a lattice vector between a frame and the one before.
+    `longest` holds the square of the longest edge, Å²; `jumps` counts the edges whose stored vector jumps by a lattice
+    vector between a frame and the one before.
     """
 
     positions: FloatArray
     cells: FloatArray
     lengths: FloatArray
+    longest: FloatArray
     winding: IntArray
     jumps: IntArray
     placing: FloatArray
@@ -72,32 +75,32 @@ def whole_frames(
     bases = np.zeros((n_frames, 3, 3))
     lengths = np.empty((n_frames, len(edges)))
     winding = np.zeros((n_frames, len(closed), 3), dtype=np.int64)
-    jumps, placing = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames)
+    jumps, placing, longest = np.zeros(n_frames, dtype=np.int64), np.zeros(n_frames), np.zeros(n_frames)
     nothing = np.zeros((len(positions[0]) if periodic else 0, 3), dtype=np.int64)
     before, was_moved = nothing, False
     for k in range(n_frames):
         if not usable[k]:
             lengths[k] = np.nan
             continue
-        longest = write_edge_lengths(positions[k], edges, lengths[k])
+        longest[k] = write_edge_lengths(positions[k], edges, lengths[k])
         if not periodic:
             continue
         basis, counts = reduced_basis(basis_of(cells[k])), nothing
         store_basis(basis, bases[k])
-        is_moved = not lies_whole(positions[k], basis, longest, vertices, offsets)
+        is_moved = not lies_whole(positions[k], basis, longest[k], vertices, offsets)
         if is_moved:
             if not is_copied:
                 whole, is_copied = positions.copy(), True
             whole[k], _, winding[k], counts, placing[k] = whole_strands(
                 positions[k], cells[k], vertices, offsets, closed
             )
-            write_edge_lengths(whole[k], edges, lengths[k])
+            longest[k] = write_edge_lengths(whole[k], edges, lengths[k])
         else:
             placing[k] = greatest_magnitude(positions[k]) + total_length(basis_of(cells[k]))
         if k > 0 and usable[k - 1] and (is_moved or was_moved):
             jumps[k] = image_jumps(before, counts, bases[k - 1], bases[k], edges)
         before, was_moved = counts, is_moved
-    return WholeFrames(whole, bases, lengths, winding, jumps, placing, usable)
+    return WholeFrames(whole, bases, lengths, longest, winding, jumps, placing, usable)
 
 
 @njit(cache=True, nogil=True)
@@ -178,7 +181,7 @@ def measure_steps(
             row["translation"][axis] = motion.translation[axis]
         if not motion.usable:
             continue
-        if periodic:
+        if periodic and may_jump(motion, max(frames.longest[k], frames.longest[k + 1])):
             row["jumping_edge"] = jumping_edge(motion, edges)
             if row["jumping_edge"] >= 0:
                 continue

@@ -252,9 +252,12 @@ def rotate_rows(x: FloatArray, turn: Basis) -> None:
 @njit(cache=True, nogil=True)
 def centroid(x: FloatArray) -> Vector:
     """Return the mean of the rows of x."""
-    total = (0.0, 0.0, 0.0)
-    for i in range(len(x)):
-        total = add(total, row(x, i))
+    even, odd = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # two sums that do not wait for each other
+    for i in range(0, len(x) - 1, 2):
+        even, odd = add(even, row(x, i)), add(odd, row(x, i + 1))
+    if len(x) % 2 == 1:
+        even = add(even, row(x, len(x) - 1))
+    total = add(even, odd)
     return total[0] / len(x), total[1] / len(x), total[2] / len(x)
 
 
@@ -313,6 +316,12 @@ def image_jumps(before: IntArray, after: IntArray, cell0: FloatArray, cell1: Flo
             new = nearest_integers(combine(lattice_vector(new, basis1), inverse))
         jumps += old != new
     return jumps
+
+
+@njit(cache=True, nogil=True)
+def may_jump(motion: StepMotion, longest: float) -> bool:
+    """Return whether an edge is so long that it may jump within the step; `longest` is the greatest square, Å²."""
+    return not longest * (1.0 + 1e-9) < (LONG_EDGE * norm(basis_of(motion.cell0)[0])) ** 2
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, fresh_extremes
-from mdtopo.geometry.pairlanes import ROOM, are_far
+from mdtopo.geometry.pairlanes import ROOM, Workbench, are_far
 from mdtopo.geometry.vectors import Vector
 from mdtopo.rungs import climb_pairs
 
@@ -38,6 +38,7 @@ def near_local_pairs(
     ends: FloatArray,
     slack: float,
     placing: float,
+    bench: Workbench,
 ) -> IntArray:
     """Return the local pairs without those that can change none of the step's extremes, see `mdtopo.rungs.climb_pairs`.
 
@@ -50,7 +51,7 @@ def near_local_pairs(
         return local_pairs
     best, is_open = fresh_extremes(), np.zeros(SAMPLE, dtype=np.bool_)
     some, no_images = local_pairs[:SAMPLE], np.empty((0, 3), dtype=np.int64)
-    climb_pairs(some, no_images, True, motion, edges, following, trace, ends, slack, placing, 0.0, best, is_open)
+    climb_pairs(some, no_images, True, motion, edges, following, trace, ends, slack, placing, 0.0, bench, best, is_open)
     nearest, ratio = max(best.least[0], max(best.values[NU0], best.values[NU1])), best.values[RATIO]
     window, far = np.zeros(6 * WINDOW), np.zeros(ROOM, dtype=np.uint8)
     near, count, first = np.empty_like(local_pairs), 0, 0

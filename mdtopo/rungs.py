@@ -38,10 +38,10 @@ from mdtopo.geometry.pairlanes import (
     ROOM,
     START,
     TURN,
+    Workbench,
     copy_lane,
     corners_at,
     flag_far,
-    fresh_lanes,
     gap_at,
     measure_lanes,
     shift_edge,
@@ -76,6 +76,7 @@ def climb_pairs(
     slack: float,
     placing: float,
     first_reach: float,
+    bench: Workbench,
     best: Extremes,
     is_open: BoolArray,
 ) -> float:
@@ -87,7 +88,7 @@ def climb_pairs(
     open all but its clearance. (Arrays are named once, outside the loop: each time that one is taken out of a record,
     or handed to a function, its references are counted, which costs more than measuring a pair.)
     """
-    fresh, lanes, far, of_lane = fresh_lanes(), fresh_lanes(), np.empty(ROOM, np.uint8), np.empty(ROOM, np.int64)
+    fresh, lanes, far, of_lane = bench.fresh, bench.lanes, bench.far, bench.of_lane
     values, least, waiting, drift = best.values, best.least, 0, 0.0
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     image, kind, shift0, shift1 = (0, 0, 0), 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)

@@ -45,8 +45,9 @@ def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
         a0, b0, a1, b1 = row(x0, a), row(x0, b), row(x1, a), row(x1, b)
         first, second = scale(0.5, subtract(b0, a0)), scale(0.5, subtract(b1, a1))
         from_a, from_b = subtract(a1, a0), subtract(b1, b0)
-        half[k] = np.sqrt(max(dot(first, first), dot(second, second)))
-        moved[k] = np.sqrt(max(dot(from_a, from_a), dot(from_b, from_b)))
+        half[k], moved[k] = max(dot(first, first), dot(second, second)), max(dot(from_a, from_a), dot(from_b, from_b))
+    for k in range(m):  # apart from the rest the compiler takes many roots at a time
+        half[k], moved[k] = np.sqrt(half[k]), np.sqrt(moved[k])
     return Spheres(half, moved)
 
 

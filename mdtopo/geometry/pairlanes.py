@@ -10,6 +10,8 @@ Indices are unsigned where they come out of an array: of a signed one the compil
 end.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -47,6 +49,31 @@ NEAR0, NEAR1, LOW0, LOW1, RHO, GAP, ALONG, TURN = 25, 26, 27, 28, 29, 30, 31, 32
 N_ROWS = 33
 
 TWELVE = np.uint64(12)
+
+
+class Workbench(NamedTuple):
+    """Room for sorting and measuring pairs, made once for many lists of them.
+
+    Attributes
+    ----------
+    fresh, lanes : ndarray
+        Two batches: pairs that are being sorted, and pairs that wait to be measured.
+    far : ndarray of uint8, shape (ROOM,)
+        See `flag_far`.
+    of_lane : ndarray of int, shape (ROOM,)
+        Which pair of the list is in each lane of `lanes`.
+    """
+
+    fresh: FloatArray
+    lanes: FloatArray
+    far: FlagArray
+    of_lane: IntArray
+
+
+@njit(cache=True, nogil=True)
+def fresh_workbench() -> Workbench:
+    """Return an empty workbench."""
+    return Workbench(fresh_lanes(), fresh_lanes(), np.zeros(ROOM, np.uint8), np.zeros(ROOM, np.int64))
 
 
 @njit(cache=True, nogil=True)

@@ -21,7 +21,7 @@ from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
 from mdtopo.geometry.broadphase import sorted_into_cells
 from mdtopo.geometry.bundles import ORDINARY, bundle_starts, edge_boxes, joint_boxes, meeting_boxes
-from mdtopo.geometry.pairlanes import ends_of_edges
+from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
 from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
@@ -170,7 +170,7 @@ def climbed(
     And which pairs stay open, and how many each rung settles.
     """
     table, is_open, rungs = np.empty((len(pairs), 4)), np.zeros(len(pairs), np.bool_), np.zeros(9, np.int64)
-    none = np.empty((0, 3), np.int64)
+    none, bench = np.empty((0, 3), np.int64), fresh_workbench()
     for k in range(len(pairs)):
         best = fresh_extremes()
         climb_pairs(
@@ -185,6 +185,7 @@ def climbed(
             slack,
             placing,
             first_reach,
+            bench,
             best,
             is_open[k : k + 1],
         )
@@ -227,7 +228,7 @@ class Brute:
         t, best, is_open = self.t, fresh_extremes(), np.zeros(len(self.t.local_pairs), dtype=np.bool_)
         numbers = self.ends, self.slack, self.placing, 0.0
         ends = t.edges, t.following, t.trace
-        climb_pairs(t.local_pairs, NO_IMAGES, True, self.motion, *ends, *numbers, best, is_open)
+        climb_pairs(t.local_pairs, NO_IMAGES, True, self.motion, *ends, *numbers, fresh_workbench(), best, is_open)
         decide_open(t.local_pairs, NO_IMAGES, is_open, True, self.motion, t.edges, t.trace, self.placing, best)
         meet_end_terms(self.motion, t.end_terms, self.placing, best)
         return best

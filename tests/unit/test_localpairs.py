@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from mdtopo import Strands
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import Extremes, fresh_extremes
-from mdtopo.geometry.pairlanes import ends_of_edges
+from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
 from mdtopo.localpairs import ROOM, SAMPLE, SHORTEST, length_of_piece, near_local_pairs
 from mdtopo.records import Traces
 from mdtopo.rungs import climb_pairs
@@ -16,6 +16,7 @@ Points = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 SLACK = 1e-12
+BENCH = fresh_workbench()
 SYSTEMS = {
     "one chain": ([900], False, ()),
     "chains": ([150, 80, 300, 5, 68], False, ()),
@@ -43,7 +44,7 @@ def motion_of(traces: Traces, rng: np.random.Generator) -> StepMotion:
 def climbed(pairs: Whole, motion: StepMotion, t: Traces) -> tuple[Extremes, set[tuple[int, int]]]:
     best, is_open, ends = fresh_extremes(), np.zeros(len(pairs), np.bool_), ends_of_edges(motion.x0, motion.x1, t.edges)
     none, lists = np.empty((0, 3), np.int64), (t.edges, t.following, t.trace)
-    climb_pairs(pairs, none, True, motion, *lists, ends, SLACK, 0.0, 0.0, best, is_open)
+    climb_pairs(pairs, none, True, motion, *lists, ends, SLACK, 0.0, 0.0, BENCH, best, is_open)
     return best, set(map(tuple, pairs[is_open].tolist()))
 
 
@@ -54,7 +55,9 @@ def test_the_extremes_are_those_of_all_local_pairs(name: str) -> None:
     for seed in range(5):
         motion = motion_of(t, np.random.default_rng(seed))
         ends = ends_of_edges(motion.x0, motion.x1, t.edges)
-        near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0)
+        near = near_local_pairs(
+            t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0, fresh_workbench()
+        )
         assert set(map(tuple, near.tolist())) <= set(map(tuple, t.local_pairs.tolist()))
         left_out += len(t.local_pairs) - len(near)
         (one, some_open), (other, all_open) = climbed(near, motion, t), climbed(t.local_pairs, motion, t)
@@ -88,5 +91,5 @@ def test_few_pairs_are_all_climbed() -> None:
     motion = motion_of(t, np.random.default_rng(0))
     ends = ends_of_edges(motion.x0, motion.x1, t.edges)
     assert len(t.local_pairs) == 2 * SAMPLE
-    near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0)
+    near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0, BENCH)
     assert near.tolist() == t.local_pairs.tolist()
