@@ -1,6 +1,7 @@
 """The datasets of a results file: made empty, filled a chunk of rows at a time."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
@@ -13,10 +14,8 @@ from numpy.typing import NDArray
 from mdtopo.errors import AuditError
 from mdtopo.records import Alert, Crossings, StepTable, Stretches
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
+from mdtopo.store.packing import GZIP_LEVEL, packed
 from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, PROBLEMS, STRETCHES, TEXT, Layout, column_dtype
-
-GZIP_LEVEL = 4
-"""The usual one of h5py."""
 
 
 class StepColumns:
@@ -194,7 +193,7 @@ def create_column(group: h5py.Group, name: str, layout: Layout) -> h5d.DatasetID
     """
     space = h5s.create_simple((0, *layout.row_shape), (h5s.UNLIMITED, *layout.row_shape))
     kind = h5t.py_create(np.dtype(layout.dtype), logical=True)
-    column = h5d.create(group.id, name.encode(), kind, space, dcpl=_creation(layout.row_shape))
+    column = h5d.create(group.id, name.encode(), kind, space, dcpl=_creation((CHUNK_ROWS, *layout.row_shape)))
     for key, text in ((b"unit", layout.unit), (b"description", layout.description)):
         attribute = h5a.create(column, key, _stored_text(), h5s.create_simple(()))
         attribute.write(np.array(text, TEXT))
@@ -202,10 +201,10 @@ def create_column(group: h5py.Group, name: str, layout: Layout) -> h5d.DatasetID
 
 
 @cache
-def _creation(row_shape: tuple[int, ...]) -> h5p.PropDCID:
+def _creation(chunk: tuple[int, ...]) -> h5p.PropDCID:
     """Return how a dataset is stored: as `create_dataset` does with gzip and shuffle."""
     properties = h5p.create(h5p.DATASET_CREATE)
-    properties.set_chunk((CHUNK_ROWS, *row_shape))
+    properties.set_chunk(chunk)
     properties.set_shuffle()
     properties.set_deflate(GZIP_LEVEL)
     properties.set_obj_track_times(False)  # equal runs write equal bytes
@@ -231,10 +230,16 @@ def extend(column: h5d.DatasetID, values: NDArray[Any]) -> None:
         return
     is_text = values.dtype.kind == "O"
     rows = np.ascontiguousarray(values) if is_text else np.ascontiguousarray(values, column.dtype)
-    start = column.shape[0]
+    start, corner = column.shape[0], (0,) * (rows.ndim - 1)
     column.set_extent((start + len(rows), *rows.shape[1:]))
+    chunk = column.get_create_plist().get_chunk()
+    if start % chunk[0] == 0 and not is_text:
+        for done in range(0, len(rows), chunk[0]):
+            data = packed(rows[done : done + chunk[0]], math.prod(chunk))
+            column.write_direct_chunk((start + done, *corner), data)
+        return
     space = column.get_space()
-    space.select_hyperslab((start, *(0 for _ in rows.shape[1:])), rows.shape)
+    space.select_hyperslab((start, *corner), rows.shape)
     # an enum in memory is what it is in the file; Python's texts are converted, as their dtype says
     column.write(h5s.create_simple(rows.shape), space, rows, None if is_text else column.get_type())
 
