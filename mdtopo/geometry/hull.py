@@ -70,18 +70,23 @@ def _same_side(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
 @njit(cache=True, nogil=True)
 def nearest_on_tetrahedron(a: Vector, b: Vector, c: Vector, d: Vector) -> tuple[Vector, int]:
     """Return the point of a tetrahedron nearest to the origin, and which corners carry it (bits 1, 2, 4, 8)."""
-    if _same_side(a, b, c, d) and _same_side(a, b, d, c) and _same_side(a, c, d, b) and _same_side(b, c, d, a):
-        return (0.0, 0.0, 0.0), 15
-    best, mask = nearest_on_triangle(a, b, c)
-    other, bits = nearest_on_triangle(a, b, d)
-    if dot(other, other) < dot(best, best):
-        best, mask = other, (bits & 3) | ((bits & 4) << 1)
-    other, bits = nearest_on_triangle(a, c, d)
-    if dot(other, other) < dot(best, best):
-        best, mask = other, (bits & 1) | ((bits & 6) << 1)
-    other, bits = nearest_on_triangle(b, c, d)
-    if dot(other, other) < dot(best, best):
-        best, mask = other, bits << 1
+    best, least, mask = (0.0, 0.0, 0.0), np.inf, 15
+    # the nearest point of the outside lies on a face that the origin sees
+    if not _same_side(a, b, c, d):
+        best, mask = nearest_on_triangle(a, b, c)
+        least = dot(best, best)
+    if not _same_side(a, b, d, c):
+        other, bits = nearest_on_triangle(a, b, d)
+        if dot(other, other) < least:
+            best, least, mask = other, dot(other, other), (bits & 3) | ((bits & 4) << 1)
+    if not _same_side(a, c, d, b):
+        other, bits = nearest_on_triangle(a, c, d)
+        if dot(other, other) < least:
+            best, least, mask = other, dot(other, other), (bits & 1) | ((bits & 6) << 1)
+    if not _same_side(b, c, d, a):
+        other, bits = nearest_on_triangle(b, c, d)
+        if dot(other, other) < least:
+            best, mask = other, bits << 1
     return best, mask
 
 

@@ -68,10 +68,16 @@ def moving_pair(start: Corners, end: Corners, placing: float) -> MovingPair:
     """Return the differences of two moving edges; `placing` bounds the rounding of a difference of positions, Å."""
     u0, v0, w0 = subtract(start[1], start[0]), subtract(start[3], start[2]), subtract(start[2], start[0])
     u1, v1, w1 = subtract(end[1], end[0]), subtract(end[3], end[2]), subtract(end[2], end[0])
-    u, v, w = max(norm(u0), norm(u1)), max(norm(v0), norm(v1)), max(norm(w0), norm(w1))
-    far = max(norm(subtract(u1, u0)), max(norm(subtract(v1, v0)), norm(subtract(w1, w0))))
+    u, v, w = longer(u0, u1), longer(v0, v1), longer(w0, w1)
+    far = max(norm(subtract(u1, u0)), longer(subtract(v1, v0), subtract(w1, w0)))
     # a difference is rounded once, u·|x| per component; a factor of two covers the rounding of the lengths
     return MovingPair(u0, v0, w0, u1, v1, w1, u, v, w, far, placing + 4.0 * UNIT_ROUNDOFF * max(u, max(v, w)))
+
+
+@njit(cache=True, nogil=True)
+def longer(a: Vector, b: Vector) -> float:
+    """Return the greater one of two lengths, by one root."""
+    return np.sqrt(max(dot(a, a), dot(b, b)))
 
 
 @njit(cache=True, nogil=True)
