@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
-from mdtopo.geometry.vectors import Vector, add, dot, row, scale, subtract
+from mdtopo.geometry.vectors import add, dot, row, scale, subtract
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,31 +49,6 @@ def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     for k in range(m):  # apart from the rest the compiler takes many roots at a time
         half[k], moved[k] = np.sqrt(half[k]), np.sqrt(moved[k])
     return Spheres(half, moved)
-
-
-MID0, MID1, SPAN0, SPAN1, HALF, MOTION = 0, 3, 6, 9, 12, 13
-"""Where in a row of `edge_rows` its parts begin."""
-
-
-@njit(cache=True, nogil=True)
-def edge_rows(motion: StepMotion, edges: IntArray) -> FloatArray:
-    """Return midpoints and half edges at both ends of the step, and greatest half length and motion, shape (m, 14)."""
-    rows, spheres = np.empty((len(edges), 14)), spheres_of(motion, edges)
-    for k in range(len(edges)):
-        a, b = edges[k, 0], edges[k, 1]
-        a0, b0, a1, b1 = row(motion.x0, a), row(motion.x0, b), row(motion.x1, a), row(motion.x1, b)
-        rows[k, MID0], rows[k, MID0 + 1], rows[k, MID0 + 2] = scale(0.5, add(a0, b0))
-        rows[k, MID1], rows[k, MID1 + 1], rows[k, MID1 + 2] = scale(0.5, add(a1, b1))
-        rows[k, SPAN0], rows[k, SPAN0 + 1], rows[k, SPAN0 + 2] = scale(0.5, subtract(b0, a0))
-        rows[k, SPAN1], rows[k, SPAN1 + 1], rows[k, SPAN1 + 2] = scale(0.5, subtract(b1, a1))
-        rows[k, HALF], rows[k, MOTION] = spheres.half[k], spheres.motion[k]
-    return rows
-
-
-@njit(cache=True, nogil=True)
-def part_of(rows: FloatArray, k: int, start: int) -> Vector:
-    """Return three numbers of a row of `edge_rows`: one of its vectors."""
-    return rows[k, start], rows[k, start + 1], rows[k, start + 2]
 
 
 @njit(cache=True, nogil=True)
