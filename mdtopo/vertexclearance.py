@@ -50,6 +50,9 @@ from mdtopo.spheres import (
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.signedinteger[Any]]
 
+SOME = 8 * ROOM
+"""Pairs that are sorted out before those that are left are measured."""
+
 
 @njit(cache=True, nogil=True)
 def vertex_clearances(
@@ -116,8 +119,10 @@ def edge_clearances(
         pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
         if not countable:
             return np.zeros(len(edges))
-        pairs, images = near_pairs(pairs, images, motion, following, ends, slack, least)
-        lower_bounds(pairs, images, motion, ends, slack, placing, least)
+        for first in range(0, len(pairs), SOME):  # not all at once: what is measured leaves fewer of the others
+            some, of_some = pairs[first : first + SOME], images[first : first + SOME]
+            near, of_near = near_pairs(some, of_some, motion, following, ends, slack, least)
+            lower_bounds(near, of_near, motion, ends, slack, placing, least)
     for e in range(len(edges)):
         if least[e] == np.inf:
             least[e] = np.nan
