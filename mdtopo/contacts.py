@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import Extremes, keep_clearance
 from mdtopo.geometry.bisection import bisected_clearance
+from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.lattice import Counts, basis_of, lattice_vector
 from mdtopo.geometry.pairs import Corners, hull_clearance, relative_motion
 from mdtopo.geometry.passage import FREE, MOST_PASSAGES, PASSES, moving_pair, passages
@@ -26,6 +27,10 @@ BoolArray = NDArray[np.bool_]
 
 HULL, BISECTION = int(Rung.HULL), int(Rung.BISECTION)
 EXACT, OPEN = int(Rung.EXACT), int(Rung.OPEN)
+
+
+SURELY = 1.0 + 8.0 * UNIT_ROUNDOFF
+"""What proves so much more than a bound is above it in rounding too, so that no tie is made up."""
 
 
 class Found(NamedTuple):
@@ -99,9 +104,9 @@ def decide_open(
                 write_passage(rows, n_passages, i, j, image, at, sign, rho, start, end)
                 n_passages += 1
         else:
-            rung, clearance = HULL, hull_clearance(start, end) - placing
+            rung, clearance = HULL, hull_clearance(start, end, SURELY * (least[kind] + placing)) - placing
             if not clearance > 0.0:
-                rung, clearance = BISECTION, bisected_clearance(moving_pair(start, end, placing), rho)
+                rung, clearance = BISECTION, bisected_clearance(moving_pair(start, end, placing), rho, least[kind])
             if not clearance > 0.0:
                 rung, clearance = EXACT, 0.0
             if rung == EXACT and state != FREE:

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mdtopo.contacts import SURELY
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import (
     NU0,
@@ -168,7 +169,7 @@ def settle_lanes(
         clearance = max(max(gap, along - slack), max(still, turn))
         if 0.0 < clearance <= least[kind]:
             start, end = corners_at(lanes, START, k), corners_at(lanes, END, k)
-            clearance = max(clearance, hull_clearance(start, end) - placing)
+            clearance = max(clearance, hull_clearance(start, end, SURELY * (least[kind] + placing)) - placing)
         # tests are for what is proved, so that a NaN proves nothing
         if not clearance > 0.0:
             is_open[n] = True

@@ -234,10 +234,10 @@ def dear_clearance(start: Corners, end: Corners, placing: float) -> float:
     placing : float
         Rounding of the positions, Å.
     """
-    clearance = hull_clearance(start, end) - placing
+    clearance = hull_clearance(start, end, np.inf) - placing
     # tests are for what is proved, so that a NaN proves nothing
     if not clearance > 0.0:
         state, _, _, _ = passages(start, end, placing)
         rho = relative_motion(start, end) + placing
-        clearance = 0.0 if state == PASSES else bisected_clearance(moving_pair(start, end, placing), rho)
+        clearance = 0.0 if state == PASSES else bisected_clearance(moving_pair(start, end, placing), rho, np.inf)
     return clearance if clearance > 0.0 else 0.0

@@ -35,7 +35,7 @@ def distance_bound(pair: MovingPair, t: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def bisected_clearance(pair: MovingPair, rho: float) -> float:
+def bisected_clearance(pair: MovingPair, rho: float, enough: float) -> float:
     """Return a clearance that pieces of the step prove one by one, Å; 0 where they do not.
 
     Parameters
@@ -44,6 +44,8 @@ def bisected_clearance(pair: MovingPair, rho: float) -> float:
         The two edges.
     rho : float
         Greatest relative motion of their end points, an upper bound, Å.
+    enough : float
+        A piece that proves more than this is not split to prove yet more, Å.
 
     Guarantee
     ---------
@@ -60,7 +62,8 @@ def bisected_clearance(pair: MovingPair, rho: float) -> float:
         if not (here > 0.0 and there > 0.0):
             return 0.0
         clearance = 0.5 * (here + there - (end - t) * rho * (1.0 + 8.0 * UNIT_ROUNDOFF))
-        if clearance > SHARP * min(here, there) or (clearance > 0.0 and depth >= SHARP_DEPTH):
+        is_sharp = clearance > SHARP * min(here, there) or depth >= SHARP_DEPTH or clearance > enough
+        if clearance > 0.0 and is_sharp:
             least = min(least, clearance)
             t, here, waiting = end, there, waiting - 1
             continue

@@ -83,8 +83,15 @@ def least_along(w: Vector, start: Corners, end: Corners) -> float:
 
 
 @njit(cache=True, nogil=True)
-def hull_clearance(start: Corners, end: Corners) -> float:
+def hull_clearance(start: Corners, end: Corners, enough: float) -> float:
     """Return d* of all differences of the two edges at both ends (rung 5), as `mdtopo.geometry.hull` finds it.
+
+    Parameters
+    ----------
+    start, end : Corners
+        The edges at both ends of the step.
+    enough : float
+        Above this it need not be d*: the first direction that proves more will do, Å.
 
     Guarantee
     ---------
@@ -94,7 +101,12 @@ def hull_clearance(start: Corners, end: Corners) -> float:
     simplex = (w, w, w, w)
     for _ in range(MAX_ITERATIONS):
         one, other = deepest_difference(w, start), deepest_difference(w, end)
-        simplex, count, w = closer(simplex, count, w, one if dot(w, one) <= dot(w, other) else other)
+        deepest = one if dot(w, one) <= dot(w, other) else other
+        if dot(w, deepest) > max(enough, 0.0) * norm(w):
+            clearance = least_along(w, start, end)
+            if clearance > enough:
+                return clearance
+        simplex, count, w = closer(simplex, count, w, deepest)
         if count == 0:
             break
     return least_along(w, start, end)

@@ -20,9 +20,9 @@ def corners(x: Points) -> Any:
     return tuple(map(tuple, np.asarray(x, dtype=float).tolist()))
 
 
-def clearance(x0: Points, x1: Points, placing: float = 0.0) -> float:
+def clearance(x0: Points, x1: Points, placing: float = 0.0, enough: float = np.inf) -> float:
     start, end = corners(x0), corners(x1)
-    return float(bisected_clearance(moving_pair(start, end, placing), relative_motion(start, end) + placing))
+    return float(bisected_clearance(moving_pair(start, end, placing), relative_motion(start, end) + placing, enough))
 
 
 def sampled(x0: Points, x1: Points) -> float:
@@ -118,3 +118,21 @@ def test_time_and_the_order_of_the_edges_can_be_turned_round(seed: int) -> None:
     swap = [2, 3, 0, 1]
     for other in (clearance(x1, x0), clearance(x0[swap], x1[swap])):
         assert (found > 0.0) == (other > 0.0)
+
+
+def test_a_clearance_that_is_enough_need_not_be_sharp() -> None:
+    """It is the sharp one unless that is more than was asked for, and then above what was asked for, and no more."""
+    rng, early = np.random.default_rng(3), 0
+    for _ in range(200):
+        x0 = rng.normal(size=(4, 3))
+        x1 = x0 + rng.normal(size=(4, 3))
+        sharp = clearance(x0, x1)
+        for enough in (0.0, 0.3 * sharp, 0.9 * sharp, sharp, 2.0 * sharp):
+            found = clearance(x0, x1, enough=enough)
+            if sharp <= enough:
+                assert found == sharp
+            else:
+                assert enough < found
+                assert found <= sampled(x0, x1)
+                early += found != sharp
+    assert early > 50

@@ -54,5 +54,21 @@ def test_a_gap_of_slabs_is_never_above_the_hull() -> None:
         gap = axis_gap(*halves(start, end))
         if gap > 0.0:
             positive += 1
-            assert gap <= hull_clearance(corners(start), corners(end)) + 1e-12
+            assert gap <= hull_clearance(corners(start), corners(end), np.inf) + 1e-12
     assert positive > 100
+
+
+def test_a_hull_that_proves_enough_need_not_be_the_best() -> None:
+    """It is d* unless that is more than was asked for, and then above what was asked for and not above d*."""
+    rng, early = np.random.default_rng(2), 0
+    for _ in range(300):
+        start, end = (corners(x) for x in moving_pair(rng))
+        best = hull_clearance(start, end, np.inf)
+        for enough in (0.0, 0.3 * best, 0.999 * best, best, 1.5 * abs(best)):
+            found = hull_clearance(start, end, enough)
+            if best <= enough:
+                assert found == best
+            else:
+                assert enough < found <= best + 1e-12
+                early += found < best - 1e-9
+    assert early > 100

@@ -71,7 +71,7 @@ def test_bisection_proves_only_what_stays_apart(grid: float) -> None:
     n_proved = 0
     for x0, x1 in motions(3, 200, grid):
         start, end = corners(x0), corners(x1)
-        clearance = bisected_clearance(moving_pair(start, end, 0.0), relative_motion(start, end))
+        clearance = bisected_clearance(moving_pair(start, end, 0.0), relative_motion(start, end), np.inf)
         _, above = least_distance_during(x0.reshape(2, 2, 3), x1.reshape(2, 2, 3), tolerance=1e-4)
         assert clearance <= above
         n_proved += clearance > 0.0
