@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mdtopo.blocks import WholeFrames, motion_of
 from mdtopo.curveladder import FOUND_WIDTH, measure_curve
+from mdtopo.curves import greatest_magnitude
 from mdtopo.geometry.splines import (
     AMPLIFICATION,
     BSPLINE,
@@ -183,11 +184,7 @@ def curve_slack(
     x0: FloatArray, x1: FloatArray, placing: float, periodic: bool, error: float, amplification: float
 ) -> float:
     """Return how far a control point may be off, Å: by its own rounding, and by that of vertices placed in a cell."""
-    greatest = 0.0
-    for x in (x0, x1):
-        for i in range(len(x)):
-            for axis in range(3):
-                greatest = max(greatest, abs(x[i, axis]))
+    greatest = max(greatest_magnitude(x0), greatest_magnitude(x1))
     slack = error * greatest
     if periodic:  # without a cell, the vertices are what is certified, and exact
         slack += amplification * PLACING_ERROR * (greatest + placing)

@@ -15,14 +15,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mdtopo.geometry.distances import UNIT_ROUNDOFF
-from mdtopo.geometry.hull import direction_bound, hull_distance
+from mdtopo.geometry.distances import DUAL_ERROR, LEAST_SQUARE, UNIT_ROUNDOFF
+from mdtopo.geometry.hull import hull_distance
 from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.segmenthulls import PAIR
 from mdtopo.geometry.segmentpairs import lone_checks, pair_checks
 from mdtopo.geometry.segmentshapes import HALF0, HALF1, mean_chord, pair_separation, shapes_of, vector_of
 from mdtopo.geometry.subdivision import MOST_BOXES, Answer, settle
-from mdtopo.geometry.vectors import Vector, dot, norm, row, subtract
+from mdtopo.geometry.vectors import Vector, dot, norm, quotient, row, subtract
 from mdtopo.records import Rung
 
 FloatArray = NDArray[np.float64]
@@ -113,13 +113,14 @@ def measure_curve(
     shapes, boxes = shapes_of(c0, c1)
     greatest = greatest_coordinate(boxes, cell0, cell1, periodic)
     rounding = slack + 64.0 * UNIT_ROUNDOFF * greatest + 1e-140
-    tally = fresh_tally(mean_chord(shapes) if len(c0) > 1 or periodic else np.inf)
+    chord = mean_chord(shapes)
+    tally = fresh_tally(chord if len(c0) > 1 or periodic else np.inf)
     is_complete = True
     checks, lows = lone_checks(c0, c1, shapes, following, rounding)
     for late in range(2):
         if late:
             # nothing further away than what is known by now can count
-            reach = min(tally.numbers[CLEARANCE], mean_chord(shapes))
+            reach = min(tally.numbers[CLEARANCE], chord)
             checks, lows, is_complete = pair_checks(shapes, boxes, following, cell0, cell1, periodic, reach, rounding)
         settle_checks(checks, lows, c0, c1, shapes, cell0, cell1, slack, rounding, greatest, tally)
     n_found, n_open = tally.counts[N_FOUND], tally.counts[N_OPEN]
@@ -165,13 +166,20 @@ def fresh_tally(clearance: float) -> Tally:
 @njit(cache=True, nogil=True)
 def greatest_coordinate(boxes: FloatArray, cell0: FloatArray, cell1: FloatArray, periodic: bool) -> float:
     """Return the greatest coordinate that a control point or its image can have, Å."""
-    greatest, cells = 0.0, 0.0
+    low, high, cells = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0  # by axis: six maxima that do not wait for each other
     for k in range(len(boxes)):
-        for axis in range(6):
-            greatest = max(greatest, abs(boxes[k, axis]))
+        low = (max(low[0], abs(boxes[k, 0])), max(low[1], abs(boxes[k, 1])), max(low[2], abs(boxes[k, 2])))
+        high = (max(high[0], abs(boxes[k, 3])), max(high[1], abs(boxes[k, 4])), max(high[2], abs(boxes[k, 5])))
+    greatest = max(max(low[0], low[1], low[2]), max(high[0], high[1], high[2]))
     for k in range(3):
         cells += norm(row(cell0, k)) + norm(row(cell1, k))
     return greatest + 4.0 * cells if periodic else greatest
+
+
+@njit(cache=True, nogil=True)
+def control(c: FloatArray, k: int, i: int) -> Vector:
+    """Return control point i of segment k."""
+    return c[k, i, 0], c[k, i, 1], c[k, i, 2]
 
 
 @njit(cache=True, nogil=True)
@@ -184,21 +192,24 @@ def hodograph_margins(c0: FloatArray, c1: FloatArray, slack: float) -> tuple[flo
     d_star, segment, ratio, margin, printed = np.inf, -1, 0.0, np.inf, 0.0
     v = np.empty((n, 3))
     for k in range(m):
-        moved, turned = 0.0, 0.0
-        before = subtract(row(c1[k], 0), row(c0[k], 0))
-        moved = dot(before, before)
-        chord = subtract(row(c0[k], n), row(c0[k], 0))
+        before, chord = subtract(control(c1, k, 0), control(c0, k, 0)), subtract(control(c0, k, n), control(c0, k, 0))
+        moved, turned, least, greatest = dot(before, before), 0.0, np.inf, 0.0
         for i in range(n):
-            v[i, 0], v[i, 1], v[i, 2] = subtract(row(c0[k], i + 1), row(c0[k], i))
-            after = subtract(row(c1[k], i + 1), row(c0[k], i + 1))
+            step = subtract(control(c0, k, i + 1), control(c0, k, i))
+            least, greatest = min(least, dot(chord, step)), max(greatest, dot(step, step))
+            after = subtract(control(c1, k, i + 1), control(c0, k, i + 1))
             moved = max(moved, dot(after, after))
             change = subtract(after, before)
             turned = max(turned, dot(change, change))
             before = after
-        low = direction_bound(v, chord) - 2.0 * slack
-        moved, turned = np.sqrt(moved), np.sqrt(turned)
+        # as `direction_bound` has it, without an array
+        is_long = dot(chord, chord) > LEAST_SQUARE
+        low = quotient(least, norm(chord)) - DUAL_ERROR * np.sqrt(greatest) if is_long else 0.0
+        low, moved, turned = low - 2.0 * slack, np.sqrt(moved), np.sqrt(turned)
         if low > d_star and turned <= ratio * low and low - turned > margin and moved <= printed * low:
             continue
+        for i in range(n):
+            v[i, 0], v[i, 1], v[i, 2] = subtract(control(c0, k, i + 1), control(c0, k, i))
         exact = max(hull_distance(v) - 2.0 * slack, 0.0)
         if exact < d_star:
             d_star, segment = exact, k

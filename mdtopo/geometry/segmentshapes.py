@@ -49,21 +49,26 @@ def shapes_of(c0: FloatArray, c1: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _take_in(c: FloatArray, mid: int, half: int, shapes: FloatArray, boxes: FloatArray) -> None:
     """Write chords at one end of the step, and widen boxes and squared distances to what is found there."""
     n = c.shape[1] - 1
+    shares = np.empty(n + 1)  # of the way along the chord, from -1 to 1
+    for i in range(n + 1):
+        shares[i] = 2.0 * i / n - 1.0
     for k in range(len(c)):
-        for axis in range(3):
-            first, last = c[k, 0, axis], c[k, n, axis]
-            shapes[k, mid + axis], shapes[k, half + axis] = 0.5 * (first + last), 0.5 * (last - first)
+        first, last = (c[k, 0, 0], c[k, 0, 1], c[k, 0, 2]), (c[k, n, 0], c[k, n, 1], c[k, n, 2])
+        middle, along = scale(0.5, add(first, last)), scale(0.5, subtract(last, first))
+        low, high = (boxes[k, 0], boxes[k, 1], boxes[k, 2]), (boxes[k, 3], boxes[k, 4], boxes[k, 5])
+        radius, away = shapes[k, RADIUS], shapes[k, AWAY]
         for i in range(n + 1):
-            from_mid, from_chord, share = 0.0, 0.0, 2.0 * i / n - 1.0
-            for axis in range(3):
-                value = c[k, i, axis]
-                boxes[k, axis] = min(boxes[k, axis], value)
-                boxes[k, axis + 3] = max(boxes[k, axis + 3], value)
-                here = value - shapes[k, mid + axis]
-                there = here - share * shapes[k, half + axis]
-                from_mid, from_chord = from_mid + here * here, from_chord + there * there
-            shapes[k, RADIUS] = max(shapes[k, RADIUS], from_mid)
-            shapes[k, AWAY] = max(shapes[k, AWAY], from_chord)
+            point = (c[k, i, 0], c[k, i, 1], c[k, i, 2])
+            low = (min(low[0], point[0]), min(low[1], point[1]), min(low[2], point[2]))
+            high = (max(high[0], point[0]), max(high[1], point[1]), max(high[2], point[2]))
+            here = subtract(point, middle)
+            there = subtract(here, scale(shares[i], along))
+            radius, away = max(radius, dot(here, here)), max(away, dot(there, there))
+        shapes[k, mid], shapes[k, mid + 1], shapes[k, mid + 2] = middle
+        shapes[k, half], shapes[k, half + 1], shapes[k, half + 2] = along
+        boxes[k, 0], boxes[k, 1], boxes[k, 2] = low
+        boxes[k, 3], boxes[k, 4], boxes[k, 5] = high
+        shapes[k, RADIUS], shapes[k, AWAY] = radius, away
 
 
 @njit(cache=True, nogil=True)
@@ -75,10 +80,10 @@ def vector_of(shapes: FloatArray, k: int, column: int) -> Vector:
 @njit(cache=True, nogil=True)
 def mean_chord(shapes: FloatArray) -> float:
     """Return the mean length of the chords at the start, Å."""
-    total, m = 0.0, len(shapes)
-    for k in range(m):
-        total += 2.0 * norm(vector_of(shapes, k, HALF0)) / m
-    return total
+    total = 0.0
+    for k in range(len(shapes)):
+        total += norm(vector_of(shapes, k, HALF0))
+    return 2.0 * total / max(len(shapes), 1)
 
 
 @njit(cache=True, nogil=True, inline="always")
