@@ -65,6 +65,7 @@ class BondLimits:
         lengths = lengths_to_divide_by(reference.lengths)
 
         def limit(factor: float, spreads: float) -> Ratios:
+            """Return the ratio from which on a bond is too long: by the factor, or by the spread where that is more."""
             beyond_spread = (reference.median + spreads * reference.spread) / lengths
             return np.maximum(factor, beyond_spread)  # NaN stays NaN
 

@@ -139,9 +139,11 @@ class CurveColumns(NamedTuple):
         """Return columns for n steps, of which none has been measured."""
 
         def number(*shape: int) -> FloatArray:
+            """Return a column of numbers, none known."""
             return np.full((n, *shape), np.nan)
 
         def index(*shape: int) -> IntArray:
+            """Return a column of indices or counts, none known."""
             return np.full((n, *shape), -1, dtype=np.int64)
 
         return cls(

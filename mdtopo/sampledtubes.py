@@ -51,6 +51,7 @@ def sampled_tube(curve: ParametricCurve) -> Tube:
 
 def _curvature_term(curve: ParametricCurve, t: FloatArray) -> TubeTerm:
     def straightness(u: float) -> float:
+        """Return the curvature with its sign changed, to be made least."""
         velocity = curve.velocity(u)
         return -float(np.linalg.norm(np.cross(velocity, curve.bend(u))) / np.linalg.norm(velocity) ** 3)
 
@@ -77,6 +78,7 @@ def _self_term(curve: ParametricCurve, t: FloatArray, points: FloatArray, veloci
     distances = np.linalg.norm(points[rows] - points[columns], axis=1)
 
     def conditions(x: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return what vanishes where a chord is normal to the curve at both its ends, its slope, and the distance."""
         d = curve.point(x[0]) - curve.point(x[1])
         v, w = curve.velocity(x[0]), curve.velocity(x[1])
         f = np.array([d @ v, d @ w])
@@ -107,6 +109,7 @@ def _end_body_term(curve: ParametricCurve, t: FloatArray, points: FloatArray, ve
         cells = np.flatnonzero((along[:-1] * along[1:] <= 0.0) & (along[:-1] != 0.0) & (along[1:] != 0.0))
 
         def conditions(x: FloatArray, tip: FloatArray = tip) -> tuple[FloatArray, FloatArray, float]:
+            """Return what vanishes where the way to the tip is normal to the curve, its slope, and the distance."""
             d, w = curve.point(x[0]) - tip, curve.velocity(x[0])
             speed = float(np.linalg.norm(w))
             slope = np.array([[(w @ w + d @ curve.bend(x[0])) / speed]])

@@ -116,6 +116,7 @@ def run(arguments: argparse.Namespace) -> Exit:
     with ProgressDisplay() as display, logging_to_stderr({**verbose, "quiet": True}, display):
 
         def show(done: int, total: int, differ: int) -> None:
+            """Show how far the check is."""
             display.show(Progress(done, total, differ, "difference"))
 
         found = verify(arguments.results, arguments.inputs, sampling, show)

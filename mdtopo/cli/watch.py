@@ -196,6 +196,7 @@ def _stopping_on_signals() -> Iterator[list[int]]:
     received: list[int] = []
 
     def receive(number: int, _: FrameType | None) -> None:
+        """Note the signal."""
         received.append(number)
 
     before = {number: signal.signal(number, receive) for number in (signal.SIGINT, signal.SIGTERM)}

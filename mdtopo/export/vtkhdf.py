@@ -44,6 +44,7 @@ def write_vtkhdf(
     lines = closed_lines(traces.vertices, traces.offsets, traces.closed)
 
     def moments() -> Iterator[Moment]:
+        """Yield what is written of each snapshot."""
         for snapshot in snapshots:
             data = {
                 "clearance": snapshot.clearance,
@@ -72,6 +73,7 @@ def write_curve_vtkhdf(path: Path, snapshots: Iterable[CurveSnapshot], remarks: 
     """
 
     def moments() -> Iterator[Moment]:
+        """Yield what is written of each snapshot."""
         for snapshot in snapshots:
             everything = np.arange(len(snapshot.positions), dtype=np.int64)
             data = {

@@ -50,6 +50,7 @@ class _Ahead(Generic[T]):
             yield item[0]
 
     def stop(self) -> None:
+        """Let the reading thread end, and wait until it has."""
         self._stopped.set()
         while self._thread.is_alive():  # it may be waiting for room
             try:

@@ -50,6 +50,7 @@ def assemble(
     writer = head.writer(path, overwrite=overwrite, folder=folder)
 
     def say(alerts: Iterable[Alert]) -> None:
+        """Count alerts, and write them to the results and to the stream."""
         for alert in alerts:
             tally.alerts[alert.severity] += 1
             writer.append_alert(alert)

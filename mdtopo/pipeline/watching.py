@@ -81,6 +81,7 @@ def watch(
     config = config or MonitorConfig()
 
     def opened() -> Reader:
+        """Open the input as it is now."""
         return open_input(*inputs, select=select, reader=reader, reader_options=reader_options)
 
     growing = GrowingTrajectory(

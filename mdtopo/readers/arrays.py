@@ -26,9 +26,11 @@ class _Positions(Protocol):
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
-    def rows(self, indices: range) -> Iterator[NDArray[Any]]: ...
+    def rows(self, indices: range) -> Iterator[NDArray[Any]]:
+        """Yield some of the rows, one at a time."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Let go of what is open."""
 
 
 class _InMemory:
@@ -57,6 +59,7 @@ class _InArchive:
         return self._archive.rows("positions", indices)
 
     def close(self) -> None:
+        """Close the archive."""
         self._archive.close()
 
 

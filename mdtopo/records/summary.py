@@ -144,6 +144,7 @@ class RunSummary:
         """Return the numbers as plain values, ready for JSON; NaN and infinity become None."""
 
         def finite(value: float) -> float | None:
+            """Return the number, None where JSON has none."""
             return value if math.isfinite(value) else None
 
         return {
@@ -166,6 +167,7 @@ class RunSummary:
         """Return the summary that `to_mapping` has made plain."""
 
         def number(value: float | None) -> float:
+            """Return the number, NaN for None."""
             return math.nan if value is None else float(value)
 
         return cls(
