@@ -47,7 +47,7 @@ def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> F
 def pairs_in_reach(
     motion: StepMotion, periodic: bool, edges: IntArray, trace: IntArray, spheres: Spheres, pads: FloatArray
 ) -> tuple[IntArray, IntArray, bool]:
-    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_edges`.
+    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_boxes`.
 
     Only where images can meet are they looked for: the search without them is several times faster. They cannot where
     they are shifted by more than the diagonal of all boxes together, or by what `images_can_meet` finds.

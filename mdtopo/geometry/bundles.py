@@ -40,49 +40,27 @@ ONE, THREE, EIGHT = np.uint64(1), np.uint64(3), np.uint64(8)
 
 
 @njit(cache=True, nogil=True)
-def near_edges(x0: FloatArray, x1: FloatArray, edges: IntArray, trace: IntArray, pads: FloatArray) -> IntArray:
-    """Return every pair of linearly moving edges whose padded boxes meet, neighbours along a trace left out.
+def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
+    """Return every pair of boxes that meet, neighbours along a trace left out.
 
     Parameters
     ----------
-    x0, x1 : ndarray, shape (n, 3)
-        Vertices at the start and the end of the step, Å.
-    edges : ndarray of int, shape (m, 2)
-        At least one, in trace order: where two in a row have the same trace, the second starts where the first ends.
+    boxes : ndarray, shape (m, 6)
+        Of each edge, or of what goes along it: least x, y, z, then greatest x, y, z, Å; see `edge_boxes`. At least one.
     trace : ndarray of int, shape (m,)
-        The trace of each edge.
-    pads : ndarray, shape (m,)
-        By how much the box of each edge is enlarged, Å; more than the rounding of a coordinate.
+        The trace of each, in trace order: where two in a row have the same trace, the second starts where the first
+        ends.
 
     Returns
     -------
     pairs : ndarray of int32, shape (k, 2)
-        Edges i < j, without those at most two places apart on one trace. (Around the end of a ring they are listed.)
+        Edges i < j, without those at most two places apart on one trace. (Around the end of a ring they are listed.) Of
+        dense strands these are the largest array of a step.
 
     Guarantee
     ---------
     Conservative: two edges of a pair that is missing are further apart than the sum of their pads, along one of the
     axes, at every time of the step: an edge stays in the box that holds both its ends before and after.
-    """
-    return near_boxes(edge_boxes(x0, x1, edges, pads), trace)
-
-
-@njit(cache=True, nogil=True)
-def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
-    """Return every pair of boxes that meet, in the order of their edges, neighbours along a trace left out.
-
-    Parameters
-    ----------
-    boxes : ndarray, shape (m, 6)
-        Of each edge, or of what goes along it: least x, y, z, then greatest x, y, z, Å.
-    trace : ndarray of int, shape (m,)
-        The trace of each, in trace order.
-
-    Returns
-    -------
-    pairs : ndarray of int32, shape (k, 2)
-        Edges i < j, without those at most two places apart on one trace; see `near_edges`. Of dense strands these are
-        the largest array of a step.
     """
     starts = bundle_starts(trace)
     bundles = joint_boxes(boxes, starts)

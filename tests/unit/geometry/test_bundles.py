@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mdtopo import Strands
-from mdtopo.geometry.bundles import BUNDLE, bundle_starts, meeting_boxes, near_edges
+from mdtopo.geometry.bundles import BUNDLE, bundle_starts, edge_boxes, meeting_boxes, near_boxes
 from mdtopo.records import Traces
 
 Points = NDArray[np.float64]
@@ -26,7 +26,7 @@ def all_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, 
 
 
 def found_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:
-    listed = [(int(i), int(j)) for i, j in near_edges(x0, x1, t.edges, t.trace, pads)]
+    listed = [(int(i), int(j)) for i, j in near_boxes(edge_boxes(x0, x1, t.edges, pads), t.trace)]
     assert len(set(listed)) == len(listed), "a pair is listed twice"
     return set(listed)
 
