@@ -41,6 +41,8 @@ class Opened:
         Whether the files were opened here, and have to be closed here.
     notes : tuple of str
         What a user should know of the files.
+    is_plain : bool
+        Whether the files were opened here, and times and units are those that they hold.
     """
 
     universe: Any
@@ -49,6 +51,7 @@ class Opened:
     n_frames: int
     is_ours: bool
     notes: tuple[str, ...] = ()
+    is_plain: bool = False
 
 
 def open_object(source: Source) -> Opened:
@@ -105,7 +108,9 @@ def open_files(source: Source, options: Options) -> Opened:
     title = " + ".join(str(path) for path in parts or (topology,))
     if n_frames < 1:
         raise TrajectoryError(f"{title} holds no frames.")
-    return Opened(universe, None, title, n_frames, True, notes + _unit_notes(topology, parts, options))
+    notes += _unit_notes(topology, parts, options)
+    is_plain = options.dt is None and options.time_offset is None and options.convert_units
+    return Opened(universe, None, title, n_frames, True, notes, is_plain)
 
 
 def _refuse_unusable(path: Path) -> None:

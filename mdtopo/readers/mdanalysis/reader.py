@@ -3,7 +3,6 @@
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,13 +11,15 @@ from mdtopo.errors import InputError, MdtopoError, SelectionError, TrajectoryErr
 from mdtopo.readers.base import Reader, ReaderRequest, Source
 from mdtopo.readers.mdanalysis.atoms import atom_table, default_trace
 from mdtopo.readers.mdanalysis.calls import mdanalysis_call, one_line
+from mdtopo.readers.mdanalysis.cells import cell_of
 from mdtopo.readers.mdanalysis.extensions import has_known_extension
 from mdtopo.readers.mdanalysis.opening import Opened, open_files, open_object
 from mdtopo.readers.mdanalysis.options import OPTION_HELP, Options
 from mdtopo.readers.mdanalysis.precision import coordinate_error
+from mdtopo.readers.mdanalysis.xtc import xtc_frames
 from mdtopo.records import Frame, Strands
 from mdtopo.strands import Traces, strands_from_atoms
-from mdtopo.typing import Cell, Indices
+from mdtopo.typing import Indices
 
 SHOWN_NAMES = 8
 """Names of atoms in one sentence."""
@@ -33,8 +34,8 @@ class MDAnalysisReader(Reader):
 
     Notes
     -----
-    Frames are read by index and never by iteration, which ends silently at a frame that cannot be read. One
-    thread may read at a time.
+    Frames are read by index and never by iteration, which ends silently at a frame that cannot be read; those
+    of an XTC file below the Universe, see `mdtopo.readers.mdanalysis.xtc`. One thread may read at a time.
     """
 
     option_help: ClassVar[Mapping[str, str]] = OPTION_HELP
@@ -132,8 +133,10 @@ class MDAnalysisReader(Reader):
             raise TrajectoryError(f"{self._opened.title} is closed; open it again.")
         chosen = range(self.n_frames)[start:stop:step]
         with _Position(self._opened.universe.trajectory, self._opened.is_ours):
+            direct = xtc_frames(self._opened, self._rows)
             for index in chosen:
-                yield read_frame(self._opened, index, self._rows)
+                frame = None if direct is None else direct.frame(index)
+                yield read_frame(self._opened, index, self._rows) if frame is None else frame
             last = self.n_frames - 1
             if chosen and chosen[-1] != last and _asks_for_end(chosen, stop, last):
                 read_frame(self._opened, last, self._rows)
@@ -259,7 +262,7 @@ def _frame(step: Any, trajectory: Any, atoms: slice | Indices) -> Frame:
     """Return the given atoms of a timestep; the copy is ours, whatever the next frame overwrites."""
     chosen = step.positions[atoms] if isinstance(atoms, slice) else np.take(step.positions, atoms, axis=0)
     positions = np.array(chosen, dtype=np.float64, order="C")
-    return Frame(int(step.frame), _time(step, trajectory), positions, _cell(step.dimensions))
+    return Frame(int(step.frame), _time(step, trajectory), positions, cell_of(step.dimensions))
 
 
 def _rows(indices: Indices) -> slice | Indices:
@@ -275,25 +278,3 @@ def _time(step: Any, trajectory: Any) -> float:
     if "time" in step.data or "dt" in step.data or hasattr(trajectory, "_get_dt"):
         return float(step.time)
     return float("nan")
-
-
-def _cell(dimensions: Any) -> Cell | None:
-    """Return the lattice vectors of a box; None where there is none, NaN where it is no box."""
-    if dimensions is None:
-        return None
-    lattice = _lattice(np.asarray(dimensions, dtype=np.float64).tobytes())
-    return None if lattice is None else lattice.copy()
-
-
-@lru_cache(maxsize=4)  # most boxes keep their size
-def _lattice(dimensions: bytes) -> Cell | None:
-    from MDAnalysis.lib.mdamath import triclinic_vectors
-
-    six = np.frombuffer(dimensions)
-    if not np.any(six[:3]):
-        return None
-    with np.errstate(invalid="ignore"):  # angles that form no box end in the root of a negative number
-        cell: Cell = triclinic_vectors(six, dtype=np.float64)
-    if np.isfinite(cell).all() and cell[2, 2] > 0.0:  # lengths that are none end in zeros
-        return cell
-    return np.full((3, 3), np.nan)

@@ -252,7 +252,7 @@ class TestTimesAndCells:
         assert "There is no periodic box in the first frame." in reader.notes
 
     def test_a_box_that_is_no_number_is_bad_data_and_not_no_box(self):
-        from mdtopo.readers.mdanalysis.reader import _cell
+        from mdtopo.readers.mdanalysis.cells import cell_of
 
         for box in (
             [np.nan] * 6,
@@ -260,7 +260,7 @@ class TestTimesAndCells:
             [10, 10, 0, 90, 90, 90],
             [9, 9, 9, 130, 130, 130],
         ):
-            cell = _cell(np.array(box, dtype=np.float32))
+            cell = cell_of(np.array(box, dtype=np.float32))
             assert cell.shape == (3, 3)
             assert np.isnan(cell).all()
 
