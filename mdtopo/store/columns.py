@@ -185,15 +185,15 @@ def storable_text(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
 
 
-def create_column(group: h5py.Group, name: str, layout: Layout) -> h5d.DatasetID:
-    """Return a new dataset without rows.
+def create_column(group: h5py.Group, name: str, layout: Layout, chunk_rows: int = CHUNK_ROWS) -> h5d.DatasetID:
+    """Return a new dataset without rows, stored in chunks of so many.
 
     A file has a hundred of them, and `h5py.Group.create_dataset` with attributes takes longer than to fill them: what
     is the same for all is prepared once.
     """
     space = h5s.create_simple((0, *layout.row_shape), (h5s.UNLIMITED, *layout.row_shape))
     kind = h5t.py_create(np.dtype(layout.dtype), logical=True)
-    column = h5d.create(group.id, name.encode(), kind, space, dcpl=_creation((CHUNK_ROWS, *layout.row_shape)))
+    column = h5d.create(group.id, name.encode(), kind, space, dcpl=_creation((chunk_rows, *layout.row_shape)))
     for key, text in ((b"unit", layout.unit), (b"description", layout.description)):
         attribute = h5a.create(column, key, _stored_text(), h5s.create_simple(()))
         attribute.write(np.array(text, TEXT))

@@ -1,12 +1,14 @@
 """The group /profile of a results file: how close every vertex came, window by window."""
 
 import math
+from dataclasses import replace
 
 import h5py
 import numpy as np
 
 from mdtopo.records import Profile
 from mdtopo.records.profile import MOST_VALUES
+from mdtopo.store.columns import create_column, extend
 from mdtopo.store.schema import PROFILE
 
 CHUNK_VALUES = 262_144
@@ -44,19 +46,9 @@ class ProfileColumns:
         self._group.attrs["window_frames"] = kept.window_frames
         for name, layout in PROFILE.items():
             values = np.asarray(getattr(kept, name), layout.dtype)
-            width = tuple(max(1, n) for n in values.shape[1:])
+            width = values.shape[1:]
             rows = max(1, min(MOST_ROWS, CHUNK_VALUES // math.prod(width)))
-            dataset = self._group.create_dataset(
-                name,
-                data=values,
-                maxshape=(None, *values.shape[1:]),
-                chunks=(rows, *width),
-                compression="gzip",
-                shuffle=True,
-                track_times=False,  # equal runs write equal bytes
-            )
-            dataset.attrs["unit"] = layout.unit
-            dataset.attrs["description"] = layout.description
+            extend(create_column(self._group, name, replace(layout, row_shape=width), rows), values)
 
 
 def stored_profile(group: h5py.Group) -> Profile:

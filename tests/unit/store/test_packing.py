@@ -10,6 +10,7 @@ RNG = np.random.default_rng(7)
 KINDS = {
     "lengths": RNG.normal(size=2 * CHUNK_ROWS + 9),
     "vectors": RNG.normal(size=(CHUNK_ROWS + 1, 3)),
+    "small lengths": RNG.normal(size=CHUNK_ROWS + 1).astype(np.float32),
     "pairs": RNG.integers(-1, 2000, (CHUNK_ROWS + 1, 2, 2)),
     "codes": RNG.integers(0, 3, CHUNK_ROWS + 1).astype(np.int8),
     "flags": RNG.random(CHUNK_ROWS + 1) < 0.5,
@@ -44,7 +45,7 @@ def test_rows_may_come_in_parts_that_begin_within_a_chunk(parts, tmp_path):
 
 
 @pytest.mark.parametrize("count", [64, CHUNK_ROWS // 16, CHUNK_ROWS])
-@pytest.mark.parametrize("kind", ["lengths", "vectors", "pairs", "codes"])
+@pytest.mark.parametrize("kind", ["lengths", "vectors", "small lengths", "pairs", "codes"])
 def test_a_chunk_is_hardly_larger_than_what_hdf5_makes_of_it(kind, count, tmp_path):
     values = KINDS[kind][:count]
     with h5py.File(tmp_path / "a.h5", "w") as file:
