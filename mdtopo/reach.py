@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet, least_shift
-from mdtopo.geometry.bundles import diagonal_of, edge_boxes, near_boxes
+from mdtopo.geometry.bundles import bundle_starts, diagonal_of, edge_boxes, joint_boxes, near_in_bundles
 from mdtopo.geometry.lattice import basis_of
 from mdtopo.geometry.pairs import BOUND_ERROR
 from mdtopo.spheres import Spheres, midpoints
@@ -47,18 +47,20 @@ def search_pads(spheres: Spheres, reach: float, ratio: float, slack: float) -> F
 def pairs_in_reach(
     motion: StepMotion, periodic: bool, edges: IntArray, trace: IntArray, spheres: Spheres, pads: FloatArray
 ) -> tuple[IntArray, IntArray, bool]:
-    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_boxes`.
+    """Return pairs of edges, their images, and whether all were found; see `candidate_pairs` and `near_in_bundles`.
 
     Only where images can meet are they looked for: the search without them is several times faster. They cannot where
     they are shifted by more than the diagonal of all boxes together, or by what `images_can_meet` finds.
     """
-    boxes, no_images = edge_boxes(motion.x0, motion.x1, edges, pads), np.empty((0, 3), dtype=np.int64)
+    starts, no_images = bundle_starts(trace), np.empty((0, 3), dtype=np.int64)
+    boxes = edge_boxes(motion.x0, motion.x1, edges, pads, starts)
+    bundles = joint_boxes(boxes, starts)
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
-    if periodic and not diagonal_of(boxes) * REACH_GUARD < least_shift(basis0, basis1):
+    if periodic and not diagonal_of(bundles) * REACH_GUARD < least_shift(basis0, basis1):
         mid0, mid1, radii = midpoints(motion.x0, edges), midpoints(motion.x1, edges), spheres.half + pads
         if images_can_meet(mid0, mid1, radii, basis0, basis1):
             return candidate_pairs(mid0, mid1, radii, motion.cell0, motion.cell1, periodic)
-    return near_boxes(boxes, trace), no_images, True
+    return near_in_bundles(boxes, bundles, starts, trace), no_images, True
 
 
 @njit(cache=True, nogil=True)

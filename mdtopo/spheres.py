@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mdtopo.curves import StepMotion
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.vectors import add, dot, row, scale, subtract
+from mdtopo.geometry.windows import HALF, MOTION, WIDE, fill_window, fresh_window, measure_edges, write_row
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,17 +39,15 @@ class Spheres(NamedTuple):
 @njit(cache=True, nogil=True)
 def spheres_of(motion: StepMotion, edges: IntArray) -> Spheres:
     """Return the bounding spheres of the edges, moving linearly; proven for all times, as lengths are convex in t."""
-    m, x0, x1 = len(edges), motion.x0, motion.x1
-    half, moved = np.empty(m), np.empty(m)
-    for k in range(m):
-        a, b = edges[k, 0], edges[k, 1]
-        a0, b0, a1, b1 = row(x0, a), row(x0, b), row(x1, a), row(x1, b)
-        first, second = scale(0.5, subtract(b0, a0)), scale(0.5, subtract(b1, a1))
-        from_a, from_b = subtract(a1, a0), subtract(b1, b0)
-        half[k], moved[k] = max(dot(first, first), dot(second, second)), max(dot(from_a, from_a), dot(from_b, from_b))
-    for k in range(m):  # apart from the rest the compiler takes many roots at a time
-        half[k], moved[k] = np.sqrt(half[k]), np.sqrt(moved[k])
-    return Spheres(half, moved)
+    m, x0, x1, window, first = len(edges), motion.x0, motion.x1, fresh_window(), 0
+    half, moved = np.empty(m + WIDE), np.empty(m + WIDE)
+    while first < m:
+        count = fill_window(window, x0, x1, edges, first)
+        measure_edges(window)
+        write_row(window, HALF, half, first)
+        write_row(window, MOTION, moved, first)
+        first += count
+    return Spheres(half[:m], moved[:m])
 
 
 @njit(cache=True, nogil=True)

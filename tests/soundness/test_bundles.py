@@ -19,8 +19,9 @@ from mdtopo import Strands
 from mdtopo.contacts import decide_open
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
+from mdtopo.geometry.boxgrid import ORDINARY, meeting_boxes
 from mdtopo.geometry.broadphase import sorted_into_cells
-from mdtopo.geometry.bundles import ORDINARY, bundle_starts, edge_boxes, joint_boxes, meeting_boxes
+from mdtopo.geometry.bundles import NARROWING, bundle_starts, edge_boxes, joint_boxes
 from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
 from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
@@ -250,10 +251,13 @@ class Brute:
         assert len(np.unique(code)) == len(code), "a pair is listed twice"
         assert np.isin(code, self.pairs[:, 0] * len(pads) + self.pairs[:, 1]).all(), "neighbours are listed"
         listed = np.isin(self.pairs[:, 0] * len(pads) + self.pairs[:, 1], code)
-        boxes = edge_boxes(self.motion.x0, self.motion.x1, self.t.edges, pads)
-        one, other = boxes[self.pairs[:, 0]], boxes[self.pairs[:, 1]]
-        meet = ((one[:, :3] <= other[:, 3:]) & (other[:, :3] <= one[:, 3:])).all(axis=1)
-        assert (listed == meet).all(), "not the pairs whose boxes meet"
+        ends = np.concatenate([self.motion.x0[self.t.edges], self.motion.x1[self.t.edges]], axis=1)
+        low, high = ends.min(axis=1) - pads[:, np.newaxis], ends.max(axis=1) + pads[:, np.newaxis]
+        i, j = self.pairs.T
+        gap = np.maximum(low[i] - high[j], low[j] - high[i]).max(axis=1)
+        rounding = 4.0 * NARROWING * float((high.max(axis=0) - low.min(axis=0)).max())
+        assert listed[gap <= 0.0].all(), "a pair whose boxes meet is missing"
+        assert not listed[gap > rounding].any(), "a pair is listed whose boxes do not meet"
         return listed
 
     def exact(self) -> Passages:
@@ -331,16 +335,17 @@ def test_the_crossings_of_a_step_are_those_of_exact_arithmetic(brute: Brute) -> 
 def test_the_search_has_many_bundles_and_cells(brute: Brute) -> None:
     """And boxes longer than a cell where edges are: else the tests above would try little of the search."""
     pads = search_pads(brute.spheres, brute.first_reach, brute.local.values[RATIO], brute.slack)
-    boxes = joint_boxes(edge_boxes(brute.motion.x0, brute.motion.x1, brute.t.edges, pads), bundle_starts(brute.t.trace))
-    half = 0.5 * (boxes[:, 3:] - boxes[:, :3])
-    places = np.column_stack([boxes[:, :3] + half, half.max(axis=1)])
+    starts = bundle_starts(brute.t.trace)
+    boxes = joint_boxes(edge_boxes(brute.motion.x0, brute.motion.x1, brute.t.edges, pads, starts), starts)
+    low, high = boxes[:3].T.astype(np.float64), boxes[3:].T.astype(np.float64)
+    places = np.column_stack([0.5 * (low + high), 0.5 * (high - low).max(axis=1)])
     _, _, shape, _, width = sorted_into_cells(places, ORDINARY, True)
-    assert len(boxes) >= 75
+    assert len(low) >= 75
     listed, order = meeting_boxes(boxes)
     found = {(int(i), int(j)) for i, j in np.sort(order[listed], axis=1)}
-    meet = ((boxes[:, None, :3] <= boxes[:, 3:]) & (boxes[:, :3] <= boxes[:, None, 3:])).all(axis=2)
-    assert found >= {(int(i), int(j)) for i, j in np.argwhere(meet) if i <= j}
-    assert len(found) < 0.5 * len(boxes) ** 2
+    meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+    assert found == {(int(i), int(j)) for i, j in np.argwhere(meet) if i < j}
+    assert len(found) < 0.5 * len(low) ** 2
     assert np.prod(shape) >= 9
     if brute.name in ("long beside short", "four decades", "far moved", "sparse"):
         assert (2.0 * places[:, 3] > width).any()
