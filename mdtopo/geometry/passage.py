@@ -36,7 +36,7 @@ TIME_WIDTH = 1e-10
 """A passage whose time is not known this well in floating point is left to exact arithmetic."""
 
 POLISH = 60
-"""Steps to refine a root: as many as bisection needs."""
+"""Steps to refine a root at most. Most often four or five do; one that has not come near enough by then is left open."""
 
 UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
@@ -121,6 +121,16 @@ def blossom(b: Cubic, p: float, q: float, r: float) -> float:
 
 
 @njit(cache=True, nogil=True)
+def value_and_slope(b: Cubic, t: float) -> tuple[float, float]:
+    """Return a cubic and its derivative at t, from its Bernstein coefficients over [0, 1]."""
+    c0 = b[0] + t * (b[1] - b[0])
+    c1 = b[1] + t * (b[2] - b[1])
+    c2 = b[2] + t * (b[3] - b[2])
+    d0, d1 = c0 + t * (c1 - c0), c1 + t * (c2 - c1)
+    return d0 + t * (d1 - d0), 3.0 * (d1 - d0)
+
+
+@njit(cache=True, nogil=True)
 def sign_beyond(value: float, error: float) -> int:
     """Return the sign of a value known up to an error, 0 where that hides it."""
     return 1 if value > error else (-1 if value < -error else 0)
@@ -183,22 +193,22 @@ def bracketed_root(b: Cubic, error: float, low: float, high: float) -> tuple[flo
     Where rounding hides a sign next to the root, the bracket stays as wide as it came.
     """
     f_low, f_high = blossom(b, low, low, low), blossom(b, high, high, high)
-    x, y, f_x, f_y = low, high, f_low, f_high
+    x, y, slope, rises = low, high, 0.0, f_high > f_low
+    t = low - f_low * (high - low) / (f_high - f_low)
     for k in range(POLISH):
-        # the secant, by turns with bisection, which bounds the number of steps
-        t = x - f_x * (y - x) / (f_y - f_x) if k % 3 != 2 else 0.5 * (x + y)
-        if not x < t < y:
-            break
-        f = blossom(b, t, t, t)
+        # Newton's step, or bisection where that leads out of the bracket, and now and then anyway
+        if not x < t < y or k % 6 == 5:
+            t = 0.5 * (x + y)
+        f, slope = value_and_slope(b, t)
         if abs(f) <= error or (y - x) < 4.0 * UNIT_ROUNDOFF:
-            x = y = t
             break
-        if (f > 0.0) == (f_low > 0.0):
-            x, f_x = t, f
+        if (f > 0.0) == rises:
+            y = t
         else:
-            y, f_y = t, f
-    t = 0.5 * (x + y)
-    slope = 3.0 * abs(blossom(b, t, t, 1.0) - blossom(b, t, t, 0.0))  # the derivative; the signs alone count below
+            x = t
+        t = t - f / slope if slope != 0.0 else x
+    t = min(max(t, x), y)
+    slope = abs(slope)  # of the derivative the size counts, and that only as a guess: below the signs decide
     width = (4.0 * error / slope if slope > 0.0 else high - low) + 4.0 * UNIT_ROUNDOFF
     for _ in range(WIDENINGS):
         x, y = max(t - width, low), min(t + width, high)
