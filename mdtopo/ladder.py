@@ -35,7 +35,7 @@ from mdtopo.contacts import Found, both_found, decide_open
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import N_RUNGS, NU0, NU0_PROVEN, NU1, NU1_PROVEN, RATIO, Extremes, copy_extremes, fresh_extremes
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
-from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
+from mdtopo.geometry.pairlanes import fresh_workbench
 from mdtopo.localpairs import near_local_pairs
 from mdtopo.reach import has_pairs, pairs_in_reach, search_pads
 from mdtopo.records import Rung
@@ -146,13 +146,11 @@ def measure_step(
     displacement, vertex = greatest_displacement(motion.x0, motion.x1)
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
-    spheres, ends = spheres_of(motion, edges), ends_of_edges(motion.x0, motion.x1, edges)
-    local, no_images, bench = fresh_extremes(), np.empty((0, 3), dtype=np.int64), fresh_workbench()
-    near = near_local_pairs(local_pairs, motion, edges, following, trace, ends, slack, placing, bench)
+    spheres, bench = spheres_of(motion, edges), fresh_workbench()
+    local, no_images = fresh_extremes(), np.empty((0, 3), dtype=np.int64)
+    near = near_local_pairs(local_pairs, motion, edges, following, trace, slack, placing, bench)
     near_open = np.zeros(len(near), dtype=np.bool_)
-    climb_pairs(
-        near, no_images, True, motion, edges, following, trace, ends, slack, placing, 0.0, bench, local, near_open
-    )
+    climb_pairs(near, no_images, True, motion, edges, following, trace, slack, placing, 0.0, bench, local, near_open)
     local_found = decide_open(near, no_images, near_open, True, motion, edges, trace, placing, local)
     found = local_found
     meet_end_terms(motion, end_terms, placing, local)
@@ -178,7 +176,6 @@ def measure_step(
             edges,
             following,
             trace,
-            ends,
             slack,
             placing,
             first_reach,

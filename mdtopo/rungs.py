@@ -73,7 +73,6 @@ def climb_pairs(
     edges: IntArray,
     following: IntArray,
     trace: IntArray,
-    ends: FloatArray,
     slack: float,
     placing: float,
     first_reach: float,
@@ -90,7 +89,7 @@ def climb_pairs(
     or handed to a function, its references are counted, which costs more than measuring a pair.)
     """
     fresh, lanes, far, of_lane = bench.fresh, bench.lanes, bench.far, bench.of_lane
-    values, least, waiting, drift = best.values, best.least, 0, 0.0
+    x0, x1, values, least, waiting, drift = motion.x0, motion.x1, best.values, best.least, 0, 0.0
     basis0, basis1 = basis_of(motion.cell0), basis_of(motion.cell1)
     image, kind, shift0, shift1 = (0, 0, 0), 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for first in range(0, len(pairs), ROOM):
@@ -100,8 +99,8 @@ def climb_pairs(
             if not local:
                 kind = 1 if trace[i] == trace[j] else 2
             fresh[NEAREST * ROOM + k] = max(least[kind], nu)
-            write_edge(fresh, 0, np.uint64(k), ends, i)
-            write_edge(fresh, 6, np.uint64(k), ends, j)
+            write_edge(fresh, 0, np.uint64(k), x0, x1, edges, i)
+            write_edge(fresh, 6, np.uint64(k), x0, x1, edges, j)
             if len(images) > 0:
                 image = (images[first + k, 0], images[first + k, 1], images[first + k, 2])
                 shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)

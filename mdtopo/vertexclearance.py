@@ -26,7 +26,6 @@ from mdtopo.geometry.pairlanes import (
     START,
     TURN,
     corners_at,
-    ends_of_edges,
     flag_far,
     fresh_lanes,
     measure_lanes,
@@ -109,11 +108,11 @@ def edge_clearances(
     """
     slack = PLACING_ERROR * (greatest_coordinate(motion) + motion.placing) + LEAST_SLACK
     placing = slack if periodic else 0.0  # without a cell, coordinates are as stored, and exact
-    spheres, ends = spheres_of(motion, edges), ends_of_edges(motion.x0, motion.x1, edges)
+    spheres = spheres_of(motion, edges)
     has_self, has_inter = has_pairs(trace, following, periodic)
     widest = WIDEST_REACH * mean_edge_length(spheres) if has_self or has_inter else np.inf
     least, no_images = np.full(len(edges), widest), np.empty((0, 3), dtype=np.int64)
-    lower_bounds(local_pairs, no_images, motion, ends, slack, placing, least)
+    lower_bounds(local_pairs, no_images, motion, edges, slack, placing, least)
     if has_self or has_inter:
         pads = ceiling_pads(least, spheres, slack)
         pairs, images, countable = pairs_in_reach(motion, periodic, edges, trace, spheres, pads)
@@ -121,8 +120,8 @@ def edge_clearances(
             return np.zeros(len(edges))
         for first in range(0, len(pairs), SOME):  # not all at once: what is measured leaves fewer of the others
             some, of_some = pairs[first : first + SOME], images[first : first + SOME]
-            near, of_near = near_pairs(some, of_some, motion, following, ends, slack, least)
-            lower_bounds(near, of_near, motion, ends, slack, placing, least)
+            near, of_near = near_pairs(some, of_some, motion, edges, following, slack, least)
+            lower_bounds(near, of_near, motion, edges, slack, placing, least)
     for e in range(len(edges)):
         if least[e] == np.inf:
             least[e] = np.nan
@@ -149,8 +148,8 @@ def near_pairs(
     pairs: IntArray,
     images: IntArray,
     motion: StepMotion,
+    edges: IntArray,
     following: IntArray,
-    ends: FloatArray,
     slack: float,
     least: FloatArray,
 ) -> tuple[IntArray, IntArray]:
@@ -160,7 +159,7 @@ def near_pairs(
     image, found, found_images, count = (0, 0, 0), np.empty_like(pairs), np.empty_like(images), 0
     for first in range(0, len(pairs), ROOM):
         size = min(ROOM, len(pairs) - first)
-        write_pairs(lanes, pairs, images, first, size, ends, basis0, basis1)
+        write_pairs(lanes, pairs, images, first, size, motion, edges, basis0, basis1)
         for k in range(size):
             lanes[NEAREST * ROOM + k] = max(least[pairs[first + k, 0]], least[pairs[first + k, 1]])
         flag_far(lanes, np.inf, slack, far)
@@ -182,15 +181,16 @@ def write_pairs(
     images: IntArray,
     first: int,
     size: int,
-    ends: FloatArray,
+    motion: StepMotion,
+    edges: IntArray,
     basis0: Basis,
     basis1: Basis,
 ) -> None:
     """Write the corners of so many pairs into a batch, from pair `first` on."""
-    has_images = len(images) > 0
+    x0, x1, has_images = motion.x0, motion.x1, len(images) > 0
     for k in range(size):
-        write_edge(lanes, 0, np.uint64(k), ends, pairs[first + k, 0])
-        write_edge(lanes, 6, np.uint64(k), ends, pairs[first + k, 1])
+        write_edge(lanes, 0, np.uint64(k), x0, x1, edges, pairs[first + k, 0])
+        write_edge(lanes, 6, np.uint64(k), x0, x1, edges, pairs[first + k, 1])
         if has_images:
             image = (images[first + k, 0], images[first + k, 1], images[first + k, 2])
             shift_edge(lanes, np.uint64(k), lattice_vector(image, basis0), lattice_vector(image, basis1))
@@ -201,7 +201,7 @@ def lower_bounds(
     pairs: IntArray,
     images: IntArray,
     motion: StepMotion,
-    ends: FloatArray,
+    edges: IntArray,
     slack: float,
     placing: float,
     least: FloatArray,
@@ -211,7 +211,7 @@ def lower_bounds(
     lanes = fresh_lanes()
     for first in range(0, len(pairs), ROOM):
         count = min(ROOM, len(pairs) - first)
-        write_pairs(lanes, pairs, images, first, count, ends, basis0, basis1)
+        write_pairs(lanes, pairs, images, first, count, motion, edges, basis0, basis1)
         measure_lanes(lanes, count, slack, placing)
         for k in range(count):
             gap, along, turn = lanes[GAP * ROOM + k], lanes[ALONG * ROOM + k], lanes[TURN * ROOM + k]

@@ -48,7 +48,8 @@ NEAR0, NEAR1, LOW0, LOW1, RHO, GAP, ALONG, TURN = 25, 26, 27, 28, 29, 30, 31, 32
 
 N_ROWS = 33
 
-TWELVE = np.uint64(12)
+LATER = np.uint64((END - START) * ROOM)
+"""From a number at the start of the step to the same one at its end."""
 
 
 class Workbench(NamedTuple):
@@ -82,28 +83,16 @@ def fresh_lanes() -> FloatArray:
     return np.zeros(N_ROWS * ROOM)
 
 
-@njit(cache=True, nogil=True)
-def ends_of_edges(x0: FloatArray, x1: FloatArray, edges: IntArray) -> FloatArray:
-    """Return both ends of each edge, at the start and at the end of the step, in a row: shape (12·m,)."""
-    ends = np.empty((len(edges), 4, 3))
-    for k in range(len(edges)):
-        a, b = edges[k, 0], edges[k, 1]
-        for axis in range(3):
-            ends[k, 0, axis], ends[k, 1, axis] = x0[a, axis], x0[b, axis]
-            ends[k, 2, axis], ends[k, 3, axis] = x1[a, axis], x1[b, axis]
-    return ends.reshape(12 * len(edges))
-
-
 @njit(cache=True, nogil=True, forceinline=True)
-def write_edge(lanes: FloatArray, first: int, k: np.uint64, ends: FloatArray, edge: int) -> None:
-    """Write the ends of an edge into a lane: first those at the start of the step, from row START + `first` on.
-
-    `first` is 0 or 6. Indices are unsigned: of a signed one the compiler would ask whether it counts from the end.
-    """
-    at = TWELVE * np.uint64(edge)
-    for n in range(6):
-        lanes[np.uint64((START + first + n) * ROOM) + k] = ends[at + np.uint64(n)]
-        lanes[np.uint64((END + first + n) * ROOM) + k] = ends[at + np.uint64(6 + n)]
+def write_edge(
+    lanes: FloatArray, first: int, k: np.uint64, x0: FloatArray, x1: FloatArray, edges: IntArray, edge: int
+) -> None:
+    """Write the ends of an edge into a lane: those at the start of the step from row START + `first` on, 0 or 6."""
+    a, b = np.uint64(edges[np.uint64(edge), 0]), np.uint64(edges[np.uint64(edge), 1])
+    for axis in range(3):
+        one, other = np.uint64((START + first + axis) * ROOM) + k, np.uint64((START + first + axis + 3) * ROOM) + k
+        lanes[one], lanes[other] = x0[a, axis], x0[b, axis]
+        lanes[one + LATER], lanes[other + LATER] = x1[a, axis], x1[b, axis]
 
 
 @njit(cache=True, nogil=True, forceinline=True)

@@ -36,7 +36,7 @@ TIME_WIDTH = 1e-10
 """A passage whose time is not known this well in floating point is left to exact arithmetic."""
 
 POLISH = 60
-"""Steps to refine a root at most. Most often four or five do; one that has not come near enough by then is left open."""
+"""Steps to refine a root at most. Mostly four or five do; one that is not known well enough by then is left open."""
 
 UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""

@@ -22,7 +22,7 @@ from mdtopo.extremes import NU0, NU1, RATIO, Extremes, fresh_extremes
 from mdtopo.geometry.boxgrid import ORDINARY, meeting_boxes
 from mdtopo.geometry.broadphase import sorted_into_cells
 from mdtopo.geometry.bundles import NARROWING, bundle_starts, edge_boxes, joint_boxes
-from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
+from mdtopo.geometry.pairlanes import fresh_workbench
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
 from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
@@ -161,7 +161,6 @@ def climbed(
     edges: Whole,
     following: Whole,
     trace: Whole,
-    ends: Points,
     slack: float,
     placing: float,
     first_reach: float,
@@ -182,7 +181,6 @@ def climbed(
             edges,
             following,
             trace,
-            ends,
             slack,
             placing,
             first_reach,
@@ -207,7 +205,6 @@ class Brute:
         placed = float(np.abs(step.x0).max() + np.abs(cell0).sum()) if self.periodic else 0.0
         self.motion = StepMotion(step.x0, step.x1, cell0, cell1, False, (0.0, 0.0, 0.0), True, placed)
         self.spheres = spheres_of(self.motion, t.edges)
-        self.ends = ends_of_edges(step.x0, step.x1, t.edges)
         self.slack = PLACING_ERROR * (greatest_coordinate(self.motion) + placed) + LEAST_SLACK
         self.placing = self.slack if self.periodic else 0.0
         self.local = self._local()
@@ -215,7 +212,7 @@ class Brute:
         i, j = np.triu_indices(len(t.edges), 1)
         far = (t.trace[i] != t.trace[j]) | (j - i > 2)
         self.pairs = np.stack([i[far], j[far]], axis=1)
-        numbers = self.ends, self.slack, self.placing, self.first_reach
+        numbers = self.slack, self.placing, self.first_reach
         self.table, is_open, self.rungs = climbed(self.pairs, self.motion, t.edges, t.following, t.trace, *numbers)
         for k in np.flatnonzero(is_open):
             best = fresh_extremes()
@@ -227,7 +224,7 @@ class Brute:
 
     def _local(self) -> Extremes:
         t, best, is_open = self.t, fresh_extremes(), np.zeros(len(self.t.local_pairs), dtype=np.bool_)
-        numbers = self.ends, self.slack, self.placing, 0.0
+        numbers = self.slack, self.placing, 0.0
         ends = t.edges, t.following, t.trace
         climb_pairs(t.local_pairs, NO_IMAGES, True, self.motion, *ends, *numbers, fresh_workbench(), best, is_open)
         decide_open(t.local_pairs, NO_IMAGES, is_open, True, self.motion, t.edges, t.trace, self.placing, best)

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from mdtopo import Strands
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import Extremes, fresh_extremes
-from mdtopo.geometry.pairlanes import ends_of_edges, fresh_workbench
-from mdtopo.localpairs import ROOM, SAMPLE, SHORTEST, length_of_piece, near_local_pairs
+from mdtopo.geometry.pairlanes import fresh_workbench
+from mdtopo.geometry.windows import WIDE
+from mdtopo.localpairs import SAMPLE, SHORTEST, length_of_piece, near_local_pairs
 from mdtopo.records import Traces
 from mdtopo.rungs import climb_pairs
 
@@ -42,9 +43,9 @@ def motion_of(traces: Traces, rng: np.random.Generator) -> StepMotion:
 
 
 def climbed(pairs: Whole, motion: StepMotion, t: Traces) -> tuple[Extremes, set[tuple[int, int]]]:
-    best, is_open, ends = fresh_extremes(), np.zeros(len(pairs), np.bool_), ends_of_edges(motion.x0, motion.x1, t.edges)
+    best, is_open = fresh_extremes(), np.zeros(len(pairs), np.bool_)
     none, lists = np.empty((0, 3), np.int64), (t.edges, t.following, t.trace)
-    climb_pairs(pairs, none, True, motion, *lists, ends, SLACK, 0.0, 0.0, BENCH, best, is_open)
+    climb_pairs(pairs, none, True, motion, *lists, SLACK, 0.0, 0.0, BENCH, best, is_open)
     return best, set(map(tuple, pairs[is_open].tolist()))
 
 
@@ -54,10 +55,7 @@ def test_the_extremes_are_those_of_all_local_pairs(name: str) -> None:
     t, left_out = traces_of(name), 0
     for seed in range(5):
         motion = motion_of(t, np.random.default_rng(seed))
-        ends = ends_of_edges(motion.x0, motion.x1, t.edges)
-        near = near_local_pairs(
-            t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0, fresh_workbench()
-        )
+        near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, SLACK, 0.0, fresh_workbench())
         assert set(map(tuple, near.tolist())) <= set(map(tuple, t.local_pairs.tolist()))
         left_out += len(t.local_pairs) - len(near)
         (one, some_open), (other, all_open) = climbed(near, motion, t), climbed(t.local_pairs, motion, t)
@@ -80,7 +78,7 @@ def test_a_piece_has_consecutive_vertices(name: str) -> None:
         first += length
     assert first == len(t.local_pairs)
     if name == "one chain":
-        assert lengths == [ROOM] * (first // ROOM) + [first % ROOM]
+        assert lengths == [WIDE] * (first // WIDE) + [first % WIDE]
     if name == "short chains":
         assert lengths == [1] * 60 + [9] * 30
         assert 1 < SHORTEST <= 9
@@ -89,7 +87,6 @@ def test_a_piece_has_consecutive_vertices(name: str) -> None:
 def test_few_pairs_are_all_climbed() -> None:
     t = Traces.of(Strands.from_lengths([2 * SAMPLE + 3]))
     motion = motion_of(t, np.random.default_rng(0))
-    ends = ends_of_edges(motion.x0, motion.x1, t.edges)
     assert len(t.local_pairs) == 2 * SAMPLE
-    near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, ends, SLACK, 0.0, BENCH)
+    near = near_local_pairs(t.local_pairs, motion, t.edges, t.following, t.trace, SLACK, 0.0, BENCH)
     assert near.tolist() == t.local_pairs.tolist()

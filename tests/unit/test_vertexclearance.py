@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mdtopo.curves import StepMotion
-from mdtopo.geometry.pairlanes import ends_of_edges
 from mdtopo.ladder import WIDEST_REACH
 from mdtopo.pipeline import step_tables
 from mdtopo.readers import ReaderRequest, Source, open_reader
@@ -235,12 +234,12 @@ def test_what_is_passed_over_would_lower_nothing(lengths: list[int], closed: lis
         x0 *= rng.uniform(0.5, 1.5, 3)  # so that edges differ in length, and in how near the next ones are
         x1 = x0 + rng.normal(0, size, x0.shape)
         motion = StepMotion(x0, x1, none, none, False, (0.0, 0.0, 0.0), True, 0.0)
-        ends, slack = ends_of_edges(x0, x1, t.edges), PLACING_ERROR * np.abs([x0, x1]).max() + LEAST_SLACK
+        slack = PLACING_ERROR * np.abs([x0, x1]).max() + LEAST_SLACK
         both = combinations(range(len(t.edges)), 2)
         pairs = np.array([(i, j) for i, j in both if not set(t.edges[i]) & set(t.edges[j])])
         expected = np.full(len(t.edges), np.inf)
         no_images = np.empty((0, 3), dtype=np.int64)
-        lower_bounds(pairs, no_images, motion, ends, slack, 0.0, expected)
+        lower_bounds(pairs, no_images, motion, t.edges, slack, 0.0, expected)
         expected = np.minimum(expected, WIDEST_REACH * mean_edge_length(spheres_of(motion, t.edges)))
         found = edge_clearances(motion, False, t.edges, t.following, t.trace, t.local_pairs)
         np.testing.assert_array_equal(found, expected)

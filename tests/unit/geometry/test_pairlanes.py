@@ -23,7 +23,6 @@ from mdtopo.geometry.pairlanes import (
     START,
     TURN,
     copy_lane,
-    ends_of_edges,
     flag_far,
     fresh_lanes,
     measure_lanes,
@@ -70,9 +69,9 @@ def filled(pairs: Pairs, nearest: float = 0.0) -> Points:
     """Return a batch with these pairs in its first lanes."""
     lanes = fresh_lanes()
     for k, (start, end) in enumerate(pairs):
-        ends = ends_of_edges(np.ascontiguousarray(start), np.ascontiguousarray(end), TWO_EDGES)
-        write_edge(lanes, 0, np.uint64(k), ends, 0)
-        write_edge(lanes, 6, np.uint64(k), ends, 1)
+        x0, x1 = np.ascontiguousarray(start), np.ascontiguousarray(end)
+        write_edge(lanes, 0, np.uint64(k), x0, x1, TWO_EDGES, 0)
+        write_edge(lanes, 6, np.uint64(k), x0, x1, TWO_EDGES, 1)
         lanes[NEAREST * ROOM + k] = nearest
     return lanes
 
