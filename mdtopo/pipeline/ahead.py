@@ -7,8 +7,8 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-DEPTH = 2
-"""Items that may wait: one for whoever is ready first, one for whoever is next. More would only fill the memory."""
+DEPTH = 1
+"""Items that may wait: one is ready while the next is being made. More would only fill the memory."""
 
 
 def read_ahead(items: Iterator[T], depth: int = DEPTH) -> Generator[T, None, None]:

@@ -22,6 +22,10 @@ from mdtopo.records import FrameBlock, MonitorConfig, ReferenceLengths, StepRepo
 
 ALL_FRAMES = slice(None)
 
+SPARE = 1
+"""Blocks that are planned beyond the next one: threads find them while a result is being written, which takes longer
+where a file is begun or a chunk of it is full."""
+
 
 def open_input(
     *inputs: Any,
@@ -239,7 +243,7 @@ def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Ite
             if plan is None:
                 break
             waiting.append((plan, pool.submit(measure_plan, plan, setting.strands, setting.config)))
-            while len(waiting) > threads or (waiting and waiting[0][1].done()):
+            while len(waiting) > threads + SPARE or (waiting and waiting[0][1].done()):
                 yield _next_measured(waiting)
         while waiting:
             yield _next_measured(waiting)
