@@ -14,6 +14,7 @@ from mdtopo.vertexclearance import vertex_clearances
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 def part_profile(
@@ -44,17 +45,32 @@ def part_profile(
     frames = plan.block.frames[part.steps.start : part.steps.stop]
     length = config.profile_steps * int(plan.block.frames[1] - plan.block.frames[0])
     windows = frames // length
-    order = np.lexsort((np.arange(len(frames)), np.where(able, least, np.inf), windows))
-    found, first = np.unique(windows[order], return_index=True)
-    chosen = order[first]
-    found, chosen = found[able[chosen]], chosen[able[chosen]]
+    chosen = closest_steps(windows, able, least)
     t, periodic, rigid = part.traces, plan.block.cells is not None, config.motion == "rigid"
     values = clearances_of_steps(
         part.frames, chosen, least[chosen], periodic, rigid, rotations, t.vertices, t.offsets, t.edges, t.following,
         t.trace, t.local_pairs,
     )  # fmt: skip
     step = plan.block.first_step + part.steps.start + chosen
-    return Profile(length, found, step, least[chosen], rounded_down(values))
+    return Profile(length, windows[chosen], step, least[chosen], rounded_down(values))
+
+
+@njit(cache=True, nogil=True)
+def closest_steps(windows: IntArray, able: BoolArray, least: FloatArray) -> IntArray:
+    """Return the step of least clearance of each window, the first of equals; of a window without one, none.
+
+    `windows` says which window each step belongs to, in rising order; `able` which steps have a clearance.
+    """
+    chosen, count = np.empty(len(windows), dtype=np.int64), 0
+    for k in range(len(windows)):
+        if not able[k]:
+            continue
+        if count == 0 or windows[chosen[count - 1]] < windows[k]:
+            chosen[count] = k
+            count += 1
+        elif least[k] < least[chosen[count - 1]]:
+            chosen[count - 1] = k
+    return chosen[:count]
 
 
 @njit(cache=True, nogil=True)
