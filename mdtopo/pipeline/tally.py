@@ -57,9 +57,10 @@ class Tally:
         before, self.clearance = self.clearance, _extreme(self.clearance, -proved, table.first_step, sign=-1.0)
         if self.clearance[1] != before[1]:
             self.closest = self._in_words(table.clearance_pair[self.clearance[1] - table.first_step])
-        self.curve += CurveCounts.of(
-            table.curve_verdict, table.curve_depth, table.curve_clearance, table.curve_crossings, table.first_step
-        )
+        if self.config.curve != "none":
+            self.curve += CurveCounts.of(
+                table.curve_verdict, table.curve_depth, table.curve_clearance, table.curve_crossings, table.first_step
+            )
         self.ratio = _extreme(self.ratio, table.pair_ratio, table.first_step, sign=1.0)
 
     def _in_words(self, pair: Indices) -> str:

@@ -90,7 +90,7 @@ class CrossingColumns:
     def flush(self) -> None:
         """Write the crossings that are held back."""
         held = Crossings.joined(self._held)
-        for name in CROSSINGS:
+        for name in CROSSINGS if self._held else ():
             extend(open_column(self._group, name), getattr(held, name))
         self._held = []
 

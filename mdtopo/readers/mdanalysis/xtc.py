@@ -39,10 +39,10 @@ class XtcFrames:
         return Frame(index, float(step.time), np.array(chosen, dtype=np.float64, order="C"), cell)
 
     def _cell(self, box: NDArray[np.float32]) -> Cell | None:
-        from MDAnalysis.lib.mdamath import triclinic_box
-
         stored = box.tobytes()
         if stored != self._box:  # most boxes keep their size
+            from MDAnalysis.lib.mdamath import triclinic_box
+
             dimensions = triclinic_box(*box)
             self._in_angstrom(dimensions[:3])
             self._box, self._dimensions = stored, dimensions
