@@ -18,6 +18,7 @@ from mdtopo.geometry.vectors import Vector
 IntArray = NDArray[np.signedinteger[Any]]
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
+WholeArray = NDArray[np.uint64]
 
 ORDINARY = 2.0
 """Boxes beyond this multiple of the mean size are large, and looked up one by one; that costs more than wide cells."""
@@ -33,9 +34,10 @@ ONE, THREE, EIGHT = np.uint64(1), np.uint64(3), np.uint64(8)
 
 @njit(cache=True, nogil=True)
 def meeting_boxes(boxes: SingleArray) -> tuple[IntArray, IntArray]:
-    """Return every pair of boxes that meet, those of the same first box one after the other, and in which order.
+    """Return every pair of boxes that meet, but for a box and the next one, and in which order.
 
-    Boxes that are near each other in space are so in this order, and the pairs are pairs of places in it.
+    Pairs of the same first box come one after the other, as pairs of places in the order. Boxes that are near each
+    other in space are so in it.
 
     Each box lies in the cell of its centre. Boxes of ordinary size that meet lie in the same cell or in adjacent ones;
     larger ones look as far as they can reach. Cells go all across the system along y: so the boxes to try lie in few
@@ -48,16 +50,17 @@ def meeting_boxes(boxes: SingleArray) -> tuple[IntArray, IntArray]:
     """
     places = _places_of(boxes)
     order, starts, shape, low, width = sorted_into_cells(places, ORDINARY, True)
-    places, n = places[order], len(order)
+    places, n, number = places[order], len(order), np.zeros(len(order) + 8, dtype=np.uint64)
     sorted_boxes, found = np.empty((6, n), dtype=np.float32), np.empty((LIKELY_MEETINGS * n + 64, 2), dtype=np.int32)
     for p in range(n):
         for axis in range(6):
             sorted_boxes[axis, p] = boxes[axis, order[p]]
-    count = _scan_ordinary(starts, shape, width, sorted_boxes, places, found)
+        number[p] = order[p]
+    count = _scan_ordinary(starts, shape, width, sorted_boxes, places, number, found)
     if count >= len(found):  # one row more is needed than there are pairs: see there
         found = np.empty((count + 1, 2), dtype=np.int32)
-        count = _scan_ordinary(starts, shape, width, sorted_boxes, places, found)
-    found, count = _scan_large(starts, shape, low, width, sorted_boxes, places, found, count)
+        count = _scan_ordinary(starts, shape, width, sorted_boxes, places, number, found)
+    found, count = _scan_large(starts, shape, low, width, sorted_boxes, places, number, found, count)
     return found[:count], order
 
 
@@ -82,6 +85,7 @@ def _scan_ordinary(
     width: float,
     boxes: SingleArray,
     places: FloatArray,
+    number: WholeArray,
     found: IntArray,
 ) -> np.int64:
     """Write the pairs of ordinary boxes into `found` while there is room, and return how many there are.
@@ -111,7 +115,7 @@ def _scan_ordinary(
                 n_rows += 1
         for p in range(begin, end):
             x, y, z, u, v, w = b[0, p], b[1, p], b[2, p], b[3, p], b[4, p], b[5, p]
-            lower[0] = p + ONE
+            lower[0], mine = p + ONE, number[p]
             for r in range(n_rows):
                 first = lower[r]
                 size = upper[r] - first
@@ -126,7 +130,8 @@ def _scan_ordinary(
                         for k in range(EIGHT * h, EIGHT * h + EIGHT):
                             at = min(count, last)
                             found[at, 0], found[at, 1] = p, first + k
-                            count += np.uint64(flags[k])
+                            other = number[first + k]
+                            count += np.uint64(flags[k] & (other - mine != ONE) & (mine - other != ONE))
     return np.int64(count)
 
 
@@ -138,6 +143,7 @@ def _scan_large(
     width: float,
     boxes: SingleArray,
     places: FloatArray,
+    number: WholeArray,
     found: IntArray,
     count: np.int64,
 ) -> tuple[IntArray, np.int64]:
@@ -161,5 +167,6 @@ def _scan_large(
                     if q < p or not 2.0 * places[q, 3] > width:
                         found[count, 0], found[count, 1] = p, q
                         below = (boxes[0, q] <= b[3]) & (boxes[1, q] <= b[4]) & (boxes[2, q] <= b[5])
+                        below &= (number[p] - number[q] != ONE) & (number[q] - number[p] != ONE)
                         count += below & (boxes[3, q] >= b[0]) & (boxes[4, q] >= b[1]) & (boxes[5, q] >= b[2])
     return found, count

@@ -24,9 +24,11 @@ IntArray = NDArray[np.signedinteger[Any]]
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 FlagArray = NDArray[np.uint8]
+WholeArray = NDArray[np.uint64]
 
-BUNDLE = 4
-"""Edges in a bundle. Fewer cost more to find; more have looser boxes, and more pairs of edges to try in them."""
+BUNDLE = 8
+"""Edges in a bundle. Fewer cost more to find; more have looser boxes, and more pairs of edges to try in them. A window
+holds whole bundles."""
 
 NARROWING = 2.0**-22
 """What a box grows by, as a multiple of its coordinates: the rounding to float32 (2^-24 of them), and of the difference
@@ -49,9 +51,6 @@ GROUP = 16
 
 ROW = 6 * BUNDLE
 """Numbers of a bundle in `boxes_in_order`."""
-
-MOST_ALONG = 5
-"""Pairs for each place that `pairs_along` may find, and some to spare: two bundles that follow each other have 16."""
 
 EIGHT = np.uint64(8)
 
@@ -247,19 +246,13 @@ def pairs_along(boxes: SingleArray, starts: IntArray, trace: IntArray) -> tuple[
     places on are neighbours, except where one trace ends and another begins.
     """
     n, places = len(starts) - 1, BUNDLE * (len(starts) - 1)
-    found, count = np.empty((MOST_ALONG * places, 2), dtype=np.int32), 0
-    eights = np.zeros(places // 8 + 2, dtype=np.uint64)
-    flags = eights.view(np.uint8)
+    found, count = np.empty((2 * places + 64, 2), dtype=np.int32), 0
+    eights = np.zeros(places // 8 + 2, dtype=np.uint64)  # room for a last gap too
     for gap in range(3, 2 * BUNDLE):
-        size = max(places - gap, 0)
-        _flag_at_gap(boxes, size, np.uint64(gap), flags)
-        for h in range((size + 7) // 8):
-            if eights[h] != 0:
-                for k in range(8 * h, 8 * h + 8):
-                    one, other = k // BUNDLE, (k + gap) // BUNDLE
-                    found[count, 0] = starts[one] + k % BUNDLE
-                    found[count, 1] = starts[min(other, n)] + (k + gap) % BUNDLE
-                    count += flags[k] & (other - one <= 1)
+        if count + places + 8 > len(found):
+            found = grown_rows(found, 3 * len(found) // 2 + places)
+        _flag_at_gap(boxes, max(places - gap, 0), np.uint64(gap), eights.view(np.uint8))
+        count = _pairs_at_gap(starts, gap, eights, found, count)
     for m in range(n - 1):
         i = starts[m + 1] - 1
         if trace[i] != trace[i + 1] and i - starts[m] >= BUNDLE - 2:
@@ -268,13 +261,27 @@ def pairs_along(boxes: SingleArray, starts: IntArray, trace: IntArray) -> tuple[
 
 
 @njit(cache=True, nogil=True)
+def _pairs_at_gap(starts: IntArray, gap: int, eights: WholeArray, found: IntArray, count: int) -> int:
+    """Add the pairs that are flagged, see `_flag_at_gap`, but those of bundles further apart; return how many that is."""
+    flags, n = eights.view(np.uint8), len(starts) - 1
+    for h in range((BUNDLE * n) // 8):
+        if eights[h] != 0:
+            for k in range(8 * h, 8 * h + 8):
+                one, other = k // BUNDLE, (k + gap) // BUNDLE
+                found[count, 0] = starts[one] + k % BUNDLE
+                found[count, 1] = starts[min(other, n)] + (k + gap) % BUNDLE
+                count += flags[k] & (other - one <= 1)
+    return count
+
+
+@njit(cache=True, nogil=True)
 def _flag_at_gap(b: SingleArray, size: int, gap: np.uint64, flags: FlagArray) -> None:
-    """Flag which of the first boxes, so many, meet the one that is so many places on; eight flags behind them are 0."""
+    """Flag which of the first boxes, so many, meet the one that is so many places on; no flag is left behind them."""
     for k in range(np.uint64(size)):
         q = k + gap
         below = (b[0, q] <= b[3, k]) & (b[1, q] <= b[4, k]) & (b[2, q] <= b[5, k])
         flags[k] = below & (b[3, q] >= b[0, k]) & (b[4, q] >= b[1, k]) & (b[5, q] >= b[2, k])
-    flags[size : size + 8] = 0
+    flags[size : size + 2 * BUNDLE] = 0
 
 
 @njit(cache=True, nogil=True)
@@ -283,7 +290,7 @@ def _pairs_between_traces(boxes: SingleArray, starts: IntArray, m: int, found: I
 
     Places without an edge hold boxes that meet nobody.
     """
-    for k, q in ((3, 4), (3, 5), (2, 4)):
+    for k, q in ((BUNDLE - 1, BUNDLE), (BUNDLE - 1, BUNDLE + 1), (BUNDLE - 2, BUNDLE)):
         one, other = BUNDLE * m + k, BUNDLE * m + q
         meet = True
         for axis in range(3):
@@ -312,14 +319,15 @@ def boxes_in_order(boxes: SingleArray, order: IntArray) -> SingleArray:
 def pairs_across(
     found: IntArray, count: int, near: IntArray, starts: IntArray, order: IntArray, boxes: SingleArray
 ) -> IntArray:
-    """Return the pairs that are found already, and those of bundles that meet but do not follow each other.
+    """Return the pairs that are found already, and those across bundles that meet.
 
     Parameters
     ----------
     found, count
         See `pairs_along`.
     near : ndarray of int, shape (k, 2)
-        Pairs of bundles, as places in `order`; those of the same first bundle follow each other.
+        Pairs of bundles, as places in `order`; those of the same first bundle in a row, and none that follow each other
+        along the traces.
     starts, order, boxes : ndarray
         See `bundle_starts`, `mdtopo.geometry.boxgrid.meeting_boxes` and `boxes_in_order`.
     """
@@ -354,8 +362,7 @@ def _pairs_across_into(
                 for axis in range(6):
                     to = np.uint64(axis * CROWD + k) + size
                     crowd[to] = boxes[np.uint64(ROW) * np.uint64(q) + np.uint64(BUNDLE * axis + k)]
-            if abs(other - bundle) != 1:
-                size += np.uint64(BUNDLE)
+            size += np.uint64(BUNDLE)
         groups = (size + np.uint64(GROUP - 1)) // np.uint64(GROUP)
         for k in range(size, groups * np.uint64(GROUP)):
             crowd[k], edge_of[k] = np.inf, 0
