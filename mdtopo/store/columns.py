@@ -1,7 +1,6 @@
 """The datasets of a results file: made empty, filled a chunk of rows at a time."""
 
 import json
-import math
 from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from mdtopo.errors import AuditError
 from mdtopo.records import Alert, Crossings, StepTable, Stretches
 from mdtopo.records.alerts import SCHEMA as ALERT_SCHEMA
-from mdtopo.store.packing import GZIP_LEVEL, packed
+from mdtopo.store.packing import GZIP_LEVEL, packed_chunks
 from mdtopo.store.schema import ALERTS, CHUNK_ROWS, CROSSINGS, PROBLEMS, STRETCHES, TEXT, Layout, column_dtype
 
 
@@ -230,18 +229,24 @@ def extend(column: h5d.DatasetID, values: NDArray[Any]) -> None:
         return
     is_text = values.dtype.kind == "O"
     rows = np.ascontiguousarray(values) if is_text else np.ascontiguousarray(values, column.dtype)
-    start, corner = column.shape[0], (0,) * (rows.ndim - 1)
-    column.set_extent((start + len(rows), *rows.shape[1:]))
-    chunk = column.get_create_plist().get_chunk()
-    if start % chunk[0] == 0 and not is_text:
-        for done in range(0, len(rows), chunk[0]):
-            data = packed(rows[done : done + chunk[0]], math.prod(chunk))
-            column.write_direct_chunk((start + done, *corner), data)
+    start, chunk_rows = column.shape[0], column.get_create_plist().get_chunk()[0]
+    if start % chunk_rows == 0 and not is_text:
+        extend_packed(column, len(rows), packed_chunks(rows, chunk_rows))
         return
+    column.set_extent((start + len(rows), *rows.shape[1:]))
     space = column.get_space()
-    space.select_hyperslab((start, *corner), rows.shape)
+    space.select_hyperslab((start, *(0,) * (rows.ndim - 1)), rows.shape)
     # an enum in memory is what it is in the file; Python's texts are converted, as their dtype says
     column.write(h5s.create_simple(rows.shape), space, rows, None if is_text else column.get_type())
+
+
+def extend_packed(column: h5d.DatasetID, n_rows: int, chunks: list[bytes]) -> None:
+    """Add so many rows, as `packed_chunks` has packed them, at the end of a dataset, whose last chunk is full."""
+    start, *width = column.shape
+    chunk_rows = column.get_create_plist().get_chunk()[0]
+    column.set_extent((start + n_rows, *width))
+    for k, data in enumerate(chunks):
+        column.write_direct_chunk((start + k * chunk_rows, *(0 for _ in width)), data)
 
 
 def write_columns(group: h5py.Group, layouts: Mapping[str, Layout], values: Mapping[str, Iterable[Any]]) -> None:

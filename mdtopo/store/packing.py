@@ -4,6 +4,7 @@ A chunk is compressed whole, however few of its rows are filled, and in a short 
 that is written. Most columns hold one value throughout, and that is compressed once.
 """
 
+import math
 import zlib
 from functools import lru_cache
 from typing import Any
@@ -16,6 +17,12 @@ GZIP_LEVEL = 4
 
 MOSTLY_EMPTY = 16
 """A chunk is so called where its rows would fit into it so many times."""
+
+
+def packed_chunks(rows: NDArray[Any], chunk_rows: int) -> list[bytes]:
+    """Return the bytes of the chunks, of so many rows each, that the rows fill from the first on; see `packed`."""
+    room = chunk_rows * math.prod(rows.shape[1:])
+    return [packed(rows[done : done + chunk_rows], room) for done in range(0, len(rows), chunk_rows)]
 
 
 def packed(rows: NDArray[Any], room: int) -> bytes:

@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import h5py
 import numpy as np
 
 from mdtopo.records import Profile
 from mdtopo.records.profile import MOST_VALUES
-from mdtopo.store.columns import create_column, extend
-from mdtopo.store.schema import PROFILE
+from mdtopo.store.columns import create_column, extend_packed
+from mdtopo.store.packing import packed_chunks
+from mdtopo.store.schema import PROFILE, Layout
 
 CHUNK_VALUES = 262_144
 """Values of a chunk, 1 MiB: whole windows, as many as fit."""
@@ -25,6 +27,7 @@ class ProfileColumns:
         self._kept = Profile.none(n_vertices)
         self._held: list[Profile] = []
         self._n_held = 0
+        self._packed: dict[str, _Packed] = {}
 
     def append(self, profile: Profile) -> None:
         """Take some rows."""
@@ -39,16 +42,30 @@ class ProfileColumns:
         self._kept = Profile.joined([self._kept, *self._held]).within(MOST_VALUES)
         self._held, self._n_held = [], 0
 
-    def flush(self) -> None:
-        """Write all rows, once."""
+    def pack(self) -> None:
+        """Compress all rows, which touches no file: another thread may do it while other columns are written."""
         self._gather()
-        kept = self._kept
-        self._group.attrs["window_frames"] = kept.window_frames
         for name, layout in PROFILE.items():
-            values = np.asarray(getattr(kept, name), layout.dtype)
+            values = np.ascontiguousarray(getattr(self._kept, name), layout.dtype)
             width = values.shape[1:]
-            rows = max(1, min(MOST_ROWS, CHUNK_VALUES // math.prod(width)))
-            extend(create_column(self._group, name, replace(layout, row_shape=width), rows), values)
+            chunk_rows = max(1, min(MOST_ROWS, CHUNK_VALUES // math.prod(width)))
+            chunks = packed_chunks(values, chunk_rows)
+            self._packed[name] = _Packed(replace(layout, row_shape=width), chunk_rows, len(values), chunks)
+
+    def flush(self) -> None:
+        """Write all rows, once; they have been packed."""
+        self._group.attrs["window_frames"] = self._kept.window_frames
+        for name, p in self._packed.items():
+            extend_packed(create_column(self._group, name, p.layout, p.chunk_rows), p.n_rows, p.chunks)
+
+
+class _Packed(NamedTuple):
+    """A column that is ready to be written."""
+
+    layout: Layout
+    chunk_rows: int
+    n_rows: int
+    chunks: list[bytes]
 
 
 def stored_profile(group: h5py.Group) -> Profile:

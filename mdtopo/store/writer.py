@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -238,11 +239,14 @@ class ResultsWriter:
             temporary file stays then, and the message names it).
         """
         self._check_open()
-        self._steps.flush()
-        self._crossings.flush()
-        self._alerts.flush()
-        self._stretches.flush()
-        self._problems.flush()
+        with ThreadPoolExecutor(1) as other:  # the profile is most of a short run's file, and zlib runs beside Python
+            packing = other.submit(self._profile.pack)
+            self._steps.flush()
+            self._crossings.flush()
+            self._alerts.flush()
+            self._stretches.flush()
+            self._problems.flush()
+        packing.result()
         self._profile.flush()
         write_columns(self._file["strands"], BROKEN, _broken_columns(self._broken))
         # default=str: a value that JSON does not know must not cost the run

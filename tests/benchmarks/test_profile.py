@@ -54,6 +54,7 @@ def test_size(tmp_path: Path, n_vertices: int) -> None:
             value = random.uniform(0.5, 2.5, (1, n_vertices)).astype(np.float32)
             at = np.array([window])
             columns.append(Profile(32, at, 32 * at, value.min(axis=1).astype(float), value))
+        columns.pack()
         columns.flush()
         length, rows = file["profile"].attrs["window_frames"], len(file["profile/window"])
     print(f"{n_vertices} vertices, 10^6 steps: {path.stat().st_size / 1e6:.1f} MB, {rows} windows of {length} steps")
