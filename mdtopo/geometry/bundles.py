@@ -262,7 +262,7 @@ def pairs_along(boxes: SingleArray, starts: IntArray, trace: IntArray) -> tuple[
 
 @njit(cache=True, nogil=True)
 def _pairs_at_gap(starts: IntArray, gap: int, eights: WholeArray, found: IntArray, count: int) -> int:
-    """Add the pairs that are flagged, see `_flag_at_gap`, but those of bundles further apart; return how many that is."""
+    """Add the pairs that are flagged, see `_flag_at_gap`, less those of bundles further apart; return how many."""
     flags, n = eights.view(np.uint8), len(starts) - 1
     for h in range((BUNDLE * n) // 8):
         if eights[h] != 0:
