@@ -38,6 +38,9 @@ TIME_WIDTH = 1e-10
 POLISH = 60
 """Steps to refine a root at most. Mostly four or five do; one that is not known well enough by then is left open."""
 
+POLISHED = 0.125
+"""A root is refined until f is this share of its error bound: then about twice the error over the slope brackets it."""
+
 UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
 
@@ -200,7 +203,7 @@ def bracketed_root(b: Cubic, error: float, low: float, high: float) -> tuple[flo
         if not x < t < y or k % 6 == 5:
             t = 0.5 * (x + y)
         f, slope = value_and_slope(b, t)
-        if abs(f) <= error or (y - x) < 4.0 * UNIT_ROUNDOFF:
+        if abs(f) <= POLISHED * error or (y - x) < 4.0 * UNIT_ROUNDOFF:
             break
         if (f > 0.0) == rises:
             y = t
@@ -209,7 +212,7 @@ def bracketed_root(b: Cubic, error: float, low: float, high: float) -> tuple[flo
         t = t - f / slope if slope != 0.0 else x
     t = min(max(t, x), y)
     slope = abs(slope)  # of the derivative the size counts, and that only as a guess: below the signs decide
-    width = (4.0 * error / slope if slope > 0.0 else high - low) + 4.0 * UNIT_ROUNDOFF
+    width = ((1.0 + 2.0 * POLISHED) * error / slope if slope > 0.0 else high - low) + 4.0 * UNIT_ROUNDOFF
     for _ in range(WIDENINGS):
         x, y = max(t - width, low), min(t + width, high)
         if sign_beyond(blossom(b, x, x, x), error) * sign_beyond(blossom(b, y, y, y), error) < 0:
