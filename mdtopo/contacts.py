@@ -77,47 +77,89 @@ def decide_open(
 ) -> Found:
     """Decide the pairs that rungs 2 to 4 left open: by their passages, else by their hull or by bisection (7, 5, 6).
 
-    Each is counted under its rung, and its clearance is kept: 0 where it passes, or is not decided.
+    Each is counted under its rung, and its clearance is kept: 0 where it passes, or is not decided. Where a pair of a
+    class passes, the class has no clearance to look for: a pair that provably has no passage is then done with, and
+    counted under the rung that said so.
     """
-    n_open = is_open.sum()
-    rows, undecided = np.empty((MOST_PASSAGES * n_open, 14)), np.empty((n_open, 6), dtype=np.int64)
-    least, rung_pairs = best.least, best.rung_pairs
-    n_passages, n_undecided, image, kind = 0, 0, (0, 0, 0), 0
-    x0, x1, basis0, basis1 = motion.x0, motion.x1, basis_of(motion.cell0), basis_of(motion.cell1)
+    n_open, rung_pairs = is_open.sum(), best.rung_pairs
+    rows, n_passages, passes = np.empty((MOST_PASSAGES * n_open, 14)), 0, (False, False, False)
+    left, n_left = np.empty((n_open, 2), dtype=np.int64), 0
+    basis0, basis1, x0, x1 = basis_of(motion.cell0), basis_of(motion.cell1), motion.x0, motion.x1
     for k in range(len(pairs)):
         if not is_open[k]:
             continue
-        i, j = pairs[k, 0], pairs[k, 1]
-        if not local:
-            if len(images) > 0:
-                image = (images[k, 0], images[k, 1], images[k, 2])
-            kind = 1 if trace[i] == trace[j] else 2
-        shift0, shift1 = lattice_vector(image, basis0), lattice_vector(image, basis1)
-        start, end = corners_of(i, j, shift0, shift1, x0, x1, edges)
+        i, j, image, kind = named(k, pairs, images, local, trace)
+        start, end = corners_of(i, j, lattice_vector(image, basis0), lattice_vector(image, basis1), x0, x1, edges)
         state, count, meetings, signs = passages(start, end, placing)
-        rung, clearance = EXACT, 0.0
+        if state != PASSES:
+            left[n_left, 0], left[n_left, 1], n_left = k, state, n_left + 1
+            continue
         rho = relative_motion(start, end) + placing
-        if state == PASSES:
-            for n in range(count):
-                at = meetings[n]
-                sign = 1.0 if (signs >> n) & 1 else -1.0
-                write_passage(rows, n_passages, i, j, image, at, sign, rho, start, end)
-                n_passages += 1
-        else:
-            rung, clearance = HULL, hull_clearance(start, end, SURELY * (least[kind] + placing)) - placing
-            if not clearance > 0.0:
-                rung, clearance = BISECTION, bisected_clearance(moving_pair(start, end, placing), rho, least[kind])
-            if not clearance > 0.0:
-                rung, clearance = EXACT, 0.0
-            if rung == EXACT and state != FREE:
-                rung = OPEN
-                undecided[n_undecided, 0], undecided[n_undecided, 1], undecided[n_undecided, 5] = i, j, kind
-                undecided[n_undecided, 2], undecided[n_undecided, 3], undecided[n_undecided, 4] = image
-                n_undecided += 1
+        for n in range(count):
+            sign = 1.0 if (signs >> n) & 1 else -1.0
+            write_passage(rows, n_passages, i, j, image, meetings[n], sign, rho, start, end)
+            n_passages += 1
+        passes = (passes[0] or kind == 0, passes[1] or kind == 1, passes[2] or kind == 2)
+        rung_pairs[EXACT] += 1
+        keep_clearance(edges, i, j, kind, 0.0, best)
+    undecided = _decide_without_passage(
+        left[:n_left], passes, pairs, images, local, motion, edges, trace, placing, best
+    )
+    return Found(rows[:n_passages], undecided)
+
+
+@njit(cache=True, nogil=True)
+def _decide_without_passage(
+    left: IntArray,
+    passes: tuple[bool, bool, bool],
+    pairs: IntArray,
+    images: IntArray,
+    local: bool,
+    motion: StepMotion,
+    edges: IntArray,
+    trace: IntArray,
+    placing: float,
+    best: Extremes,
+) -> IntArray:
+    """Decide the pairs without a passage, or without a sure one (`left`: which pair, and its state); see `decide_open`.
+
+    `passes` says of each class whether a pair of it passes. Returned are the undecided pairs, as in `Found`.
+    """
+    least, rung_pairs, undecided, count = best.least, best.rung_pairs, np.empty((len(left), 6), dtype=np.int64), 0
+    basis0, basis1, x0, x1 = basis_of(motion.cell0), basis_of(motion.cell1), motion.x0, motion.x1
+    for n in range(len(left)):
+        k, is_free = left[n, 0], left[n, 1] == FREE
+        i, j, image, kind = named(k, pairs, images, local, trace)
+        if is_free and passes[kind]:
+            rung_pairs[EXACT] += 1
+            continue
+        start, end = corners_of(i, j, lattice_vector(image, basis0), lattice_vector(image, basis1), x0, x1, edges)
+        rung, clearance = HULL, hull_clearance(start, end, SURELY * (least[kind] + placing)) - placing
+        if not clearance > 0.0:
+            rho = relative_motion(start, end) + placing
+            rung, clearance = BISECTION, bisected_clearance(moving_pair(start, end, placing), rho, least[kind])
+        if not clearance > 0.0:
+            rung, clearance = EXACT, 0.0
+        if rung == EXACT and not is_free:
+            rung = OPEN
+            undecided[count, 0], undecided[count, 1], undecided[count, 5] = i, j, kind
+            undecided[count, 2], undecided[count, 3], undecided[count, 4] = image
+            count += 1
         rung_pairs[rung] += 1
         if clearance <= least[kind]:
             keep_clearance(edges, i, j, kind, clearance, best)
-    return Found(rows[:n_passages], undecided[:n_undecided])
+    return undecided[:count]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def named(k: int, pairs: IntArray, images: IntArray, local: bool, trace: IntArray) -> tuple[int, int, Counts, int]:
+    """Return the edges of a pair, the image of the second, and their class."""
+    i, j, image, kind = pairs[k, 0], pairs[k, 1], (0, 0, 0), 0
+    if len(images) > 0:
+        image = (images[k, 0], images[k, 1], images[k, 2])
+    if not local:
+        kind = 1 if trace[i] == trace[j] else 2
+    return i, j, image, kind
 
 
 @njit(cache=True, nogil=True)

@@ -23,6 +23,7 @@ from mdtopo.geometry.boxgrid import ORDINARY, meeting_boxes
 from mdtopo.geometry.broadphase import sorted_into_cells
 from mdtopo.geometry.bundles import NARROWING, bundle_starts, edge_boxes, joint_boxes
 from mdtopo.geometry.pairlanes import fresh_workbench
+from mdtopo.geometry.passage import FREE, passages
 from mdtopo.ladder import FIRST_REACH, StepMeasure, measure_step
 from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
@@ -214,13 +215,26 @@ class Brute:
         self.pairs = np.stack([i[far], j[far]], axis=1)
         numbers = self.slack, self.placing, self.first_reach
         self.table, is_open, self.rungs = climbed(self.pairs, self.motion, t.edges, t.following, t.trace, *numbers)
-        for k in np.flatnonzero(is_open):
-            best = fresh_extremes()
-            one = self.pairs[k : k + 1], NO_IMAGES, is_open[k : k + 1]
-            decide_open(*one, False, self.motion, t.edges, t.trace, self.placing, best)
-            self.table[k, 3] = min(best.least[1:])
-            self.rungs += best.rung_pairs
         self.inter = t.trace[self.pairs[:, 0]] != t.trace[self.pairs[:, 1]]
+        alone = {int(k): self._decided(k, is_open) for k in np.flatnonzero(is_open)}
+        passing = {bool(self.inter[k]) for k, (_, passes) in alone.items() if passes}
+        for k, (best, passes) in alone.items():
+            self.table[k, 3] = min(best.least[1:])
+            # beside a passage of its class, a pair that is free of one needs no clearance of its own
+            if not passes and bool(self.inter[k]) in passing and self._is_free(k):
+                self.rungs[Rung.EXACT] += 1
+            else:
+                self.rungs += best.rung_pairs
+
+    def _decided(self, k: int, is_open: Flags) -> tuple[Extremes, bool]:
+        best, one = fresh_extremes(), (self.pairs[k : k + 1], NO_IMAGES, is_open[k : k + 1])
+        found = decide_open(*one, False, self.motion, self.t.edges, self.t.trace, self.placing, best)
+        return best, len(found.passages) > 0
+
+    def _is_free(self, k: int) -> bool:
+        corners = self.t.edges[self.pairs[k]].ravel()
+        start, end = (tuple(map(tuple, x[corners].tolist())) for x in (self.motion.x0, self.motion.x1))
+        return bool(passages(start, end, self.placing)[0] == FREE)
 
     def _local(self) -> Extremes:
         t, best, is_open = self.t, fresh_extremes(), np.zeros(len(self.t.local_pairs), dtype=np.bool_)

@@ -52,9 +52,11 @@ class XtcFrames:
 def xtc_frames(opened: Opened, atoms: slice | Indices) -> XtcFrames | None:
     """Return what reads the frames of a trajectory; None unless it is one XTC file, opened here and taken as it is.
 
-    A Universe that was passed may transform its frames, and an option may give other times or units.
+    A Universe that was passed may transform its frames, and an option may give other times or units. Where MDAnalysis'
+    reader keeps the open file is its own affair: a version that has it elsewhere is read through the Universe too.
     """
     from MDAnalysis.coordinates.XTC import XTCReader
 
     trajectory = opened.universe.trajectory
-    return XtcFrames(trajectory, atoms) if opened.is_plain and type(trajectory) is XTCReader else None
+    is_one_file = type(trajectory) is XTCReader and hasattr(trajectory, "_xdr")
+    return XtcFrames(trajectory, atoms) if opened.is_plain and is_one_file else None
