@@ -70,7 +70,7 @@ def least_ns(job: Callable[[], object], n_edges: int) -> float:
     On one core this is the time on the wall, less the time in which others had the core.
     """
     job()
-    rounds = max(3, min(30, 60_000 // n_edges))
+    rounds = max(15, min(30, 60_000 // n_edges))
     least = float("inf")
     for _ in range(rounds):
         start = time.process_time()
