@@ -166,7 +166,10 @@ def rounded_up(x: float) -> np.float32:
 
 @njit(cache=True, nogil=True)
 def edge_boxes(x0: FloatArray, x1: FloatArray, edges: IntArray, pads: FloatArray, starts: IntArray) -> SingleArray:
-    """Return the box that each edge stays in, enlarged by its pad, shape (6, places); see `near_edges`."""
+    """Return the box that each edge stays in, enlarged by its pad, shape (6, places); see `near_edges`.
+
+    Pieces of strands go to the places of whole bundles, as edges follow each other within a trace and nowhere else.
+    """
     boxes = np.empty((6, BUNDLE * (len(starts) - 1) + SPARE), dtype=np.float32)
     window, padding = fresh_window(), np.zeros(WIDE)
     origin, first, place = middle_of(x0), 0, np.uint64(0)
@@ -184,6 +187,8 @@ def edge_boxes(x0: FloatArray, x1: FloatArray, edges: IntArray, pads: FloatArray
                 boxes[axis + 3, place + np.uint64(k)] = rounded_up(high + padding[k])
         first += count
         place += np.uint64(BUNDLE * ((count + BUNDLE - 1) // BUNDLE))
+    if place != np.uint64(BUNDLE * (len(starts) - 1)):
+        raise ValueError("edges of one trace do not follow each other")
     turn_empty_places(boxes, starts)
     return boxes
 
@@ -220,10 +225,8 @@ def joint_boxes(boxes: SingleArray, starts: IntArray) -> SingleArray:
             place = np.uint64(BUNDLE * n)
             low, high = boxes[axis, place], boxes[axis + 3, place]
             for k in range(1, BUNDLE):
-                low, high = (
-                    min(low, boxes[axis, place + np.uint64(k)]),
-                    max(high, boxes[axis + 3, place + np.uint64(k)]),
-                )
+                low = min(low, boxes[axis, place + np.uint64(k)])
+                high = max(high, boxes[axis + 3, place + np.uint64(k)])
             joint[axis, n], joint[axis + 3, n] = low, high
     return joint
 
@@ -253,6 +256,8 @@ def pairs_along(boxes: SingleArray, starts: IntArray, trace: IntArray) -> tuple[
             found = grown_rows(found, 3 * len(found) // 2 + places)
         _flag_at_gap(boxes, max(places - gap, 0), np.uint64(gap), eights.view(np.uint8))
         count = _pairs_at_gap(starts, gap, eights, found, count)
+    if count + 3 * n > len(found):
+        found = grown_rows(found, len(found) + 3 * n)
     for m in range(n - 1):
         i = starts[m + 1] - 1
         if trace[i] != trace[i + 1] and i - starts[m] >= BUNDLE - 2:
@@ -365,7 +370,7 @@ def _pairs_across_into(
             size += np.uint64(BUNDLE)
         groups = (size + np.uint64(GROUP - 1)) // np.uint64(GROUP)
         for k in range(size, groups * np.uint64(GROUP)):
-            crowd[k], edge_of[k] = np.inf, 0
+            crowd[k], crowd[np.uint64(3 * CROWD) + k], edge_of[k] = np.inf, -np.inf, 0
         for a in range(BUNDLE):
             i, at = starts[bundle] + a, np.uint64(ROW) * np.uint64(p) + np.uint64(a)
             _flag_crowd(crowd, groups, boxes, at, flags)

@@ -101,3 +101,9 @@ def test_far_outliers_are_no_trouble(away: float) -> None:
     x[[0, 1]] += away
     pads = np.full(100, 0.5)
     assert found_near(x, x, t, pads) == all_near(x, x, t, pads)
+
+
+def test_edges_of_a_trace_that_do_not_follow_each_other_are_refused() -> None:
+    edges, x = np.array([[0, 1], [2, 3], [3, 4]]), np.zeros((5, 3))
+    with pytest.raises(ValueError, match="do not follow each other"):
+        near_edges(x, x, edges, np.ones(3), np.zeros(3, dtype=np.int64))

@@ -120,3 +120,14 @@ def test_a_break_leaves_other_strands_as_they_were() -> None:
     assert pieces(t) == [[0, 1, 2, 3], [4, 5], [6, 7, 8]]
     assert t.closed.tolist() == [True, False, False]
     assert t.edge_index.tolist() == [0, 1, 2, 3, 4, 6, 7]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_edges_follow_each_other_within_a_trace_and_nowhere_else(seed: int) -> None:
+    """Whatever breaks: pieces of strands are laid out by it."""
+    rng = np.random.default_rng(seed)
+    lengths = rng.integers(2, 30, size=12).tolist()
+    strands = Strands.from_lengths(lengths, closed=[n > 2 and bool(rng.integers(2)) for n in lengths])
+    t = Traces.of(strands, np.flatnonzero(rng.random(len(strands.edges)) < 0.1 * (seed % 4)).tolist())
+    follows = t.edges[:-1, 1] == t.edges[1:, 0]
+    assert follows.tolist() == (t.trace[:-1] == t.trace[1:]).tolist()
