@@ -56,26 +56,6 @@ EIGHT = np.uint64(8)
 
 
 @njit(cache=True, nogil=True)
-def near_edges(x0: FloatArray, x1: FloatArray, edges: IntArray, pads: FloatArray, trace: IntArray) -> IntArray:
-    """Return every pair of edges whose enlarged boxes meet during a linear motion; see `near_in_bundles`.
-
-    Parameters
-    ----------
-    x0, x1 : ndarray, shape (n, 3)
-        Vertices at the start and the end of the step, Å.
-    edges : ndarray of int, shape (m, 2)
-        At least one.
-    pads : ndarray, shape (m,)
-        By how much each edge is enlarged, Å.
-    trace : ndarray of int, shape (m,)
-        See `near_boxes`.
-    """
-    starts = bundle_starts(trace)
-    boxes = edge_boxes(x0, x1, edges, pads, starts)
-    return near_in_bundles(boxes, joint_boxes(boxes, starts), starts, trace)
-
-
-@njit(cache=True, nogil=True)
 def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """Return every pair of boxes that meet, neighbours along a trace left out; see `near_in_bundles`.
 
@@ -166,9 +146,23 @@ def rounded_up(x: float) -> np.float32:
 
 @njit(cache=True, nogil=True)
 def edge_boxes(x0: FloatArray, x1: FloatArray, edges: IntArray, pads: FloatArray, starts: IntArray) -> SingleArray:
-    """Return the box that each edge stays in, enlarged by its pad, shape (6, places); see `near_edges`.
+    """Return the box that each edge stays in, enlarged by its pad, shape (6, places).
 
-    Pieces of strands go to the places of whole bundles, as edges follow each other within a trace and nowhere else.
+    Parameters
+    ----------
+    x0, x1 : ndarray, shape (n, 3)
+        Vertices at the start and the end of the step, Å.
+    edges : ndarray of int, shape (m, 2)
+        At least one. They follow each other within a trace and nowhere else: so a piece of strand has whole bundles.
+    pads : ndarray, shape (m,)
+        By how much each edge is enlarged, Å.
+    starts : ndarray of int
+        See `bundle_starts`.
+
+    Raises
+    ------
+    ValueError
+        If edges of one trace do not follow each other: a bug.
     """
     boxes = np.empty((6, BUNDLE * (len(starts) - 1) + SPARE), dtype=np.float32)
     window, padding = fresh_window(), np.zeros(WIDE)

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo import MonitorConfig, Strands, polyline_step
-from mdtopo.geometry.bundles import near_edges
+from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, near_in_bundles
 from mdtopo.geometry.distances import closest_points
 from mdtopo.geometry.vectors import norm, row, subtract
 
@@ -96,7 +96,9 @@ def least_distance(x: Points, reach: float) -> float:
     for i in range(m - 2):
         _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, i + 2), row(x, i + 3))
         least = min(least, norm(n))
-    pairs = near_edges(x, x, edges, pads, trace)
+    starts = bundle_starts(trace)
+    boxes = edge_boxes(x, x, edges, pads, starts)
+    pairs = near_in_bundles(boxes, joint_boxes(boxes, starts), starts, trace)
     for k in range(len(pairs)):
         i, j = pairs[k]
         _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, j), row(x, j + 1))

@@ -12,14 +12,16 @@ from mdtopo.geometry.boxgrid import meeting_boxes
 from mdtopo.geometry.bundles import (
     BUNDLE,
     bundle_starts,
+    edge_boxes,
     joint_boxes,
     narrowed_boxes,
     near_boxes,
-    near_edges,
+    near_in_bundles,
 )
 from mdtopo.records import Traces
 
 Points = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 
 def all_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:
@@ -31,6 +33,12 @@ def all_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, 
         for j in range(i + 1, len(low))
         if not (t.trace[i] == t.trace[j] and j - i <= 2) and (low[i] <= high[j]).all() and (low[j] <= high[i]).all()
     }
+
+
+def near_edges(x0: Points, x1: Points, edges: Indices, pads: Points, trace: Indices) -> Indices:
+    starts = bundle_starts(trace)
+    boxes = edge_boxes(x0, x1, edges, pads, starts)
+    return near_in_bundles(boxes, joint_boxes(boxes, starts), starts, trace)
 
 
 def found_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:
