@@ -18,6 +18,7 @@ from mdtopo.geometry.vectors import Vector
 IntArray = NDArray[np.signedinteger[Any]]
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
+BoolArray = NDArray[np.bool_]
 WholeArray = NDArray[np.uint64]
 
 ORDINARY = 2.0
@@ -29,12 +30,12 @@ LIKELY_MEETINGS = 8
 MOST_ROWS = 5
 """Of cells that a box can meet: its own, and those beside it that come later."""
 
-ONE, THREE, EIGHT = np.uint64(1), np.uint64(3), np.uint64(8)
+ZERO, ONE, TWO, THREE, FOUR, FIVE, SIX, EIGHT = (np.uint64(k) for k in (0, 1, 2, 3, 4, 5, 6, 8))
 
 
 @njit(cache=True, nogil=True)
-def meeting_boxes(boxes: SingleArray) -> tuple[IntArray, IntArray]:
-    """Return every pair of boxes that meet, but for a box and the next one, and in which order.
+def meeting_boxes(boxes: SingleArray, n_home: int, in_a_row: bool) -> tuple[IntArray, IntArray]:
+    """Return every pair of boxes that meet, of which one at least is at home, and in which order.
 
     Pairs of the same first box come one after the other, as pairs of places in the order. Boxes that are near each
     other in space are so in it.
@@ -47,20 +48,25 @@ def meeting_boxes(boxes: SingleArray) -> tuple[IntArray, IntArray]:
     ----------
     boxes : ndarray of float32, shape (6, n)
         Least x, y, z and greatest x, y, z of each, Å. At least one.
+    n_home : int
+        So many of them are at home, the first ones; the others are ghosts.
+    in_a_row : bool
+        Whether each box and the next one are neighbours, which are not asked for.
     """
-    places = _places_of(boxes)
+    places, apart = _places_of(boxes), 1 if in_a_row else 2
     order, starts, shape, low, width = sorted_into_cells(places, ORDINARY, True)
     places, n, number = places[order], len(order), np.zeros(len(order) + 8, dtype=np.uint64)
     sorted_boxes, found = np.empty((6, n), dtype=np.float32), np.empty((LIKELY_MEETINGS * n + 64, 2), dtype=np.int32)
+    ghosts = order >= n_home
     for p in range(n):
         for axis in range(6):
             sorted_boxes[axis, p] = boxes[axis, order[p]]
-        number[p] = order[p]
-    count = _scan_ordinary(starts, shape, width, sorted_boxes, places, number, found)
+        number[p] = apart * order[p]
+    count = _scan_ordinary(starts, shape, width, sorted_boxes, places, ghosts, number, found)
     if count >= len(found):  # one row more is needed than there are pairs: see there
         found = np.empty((count + 1, 2), dtype=np.int32)
-        count = _scan_ordinary(starts, shape, width, sorted_boxes, places, number, found)
-    found, count = _scan_large(starts, shape, low, width, sorted_boxes, places, number, found, count)
+        count = _scan_ordinary(starts, shape, width, sorted_boxes, places, ghosts, number, found)
+    found, count = _scan_large(starts, shape, low, width, sorted_boxes, places, ghosts, number, found, count)
     return found[:count], order
 
 
@@ -85,23 +91,31 @@ def _scan_ordinary(
     width: float,
     boxes: SingleArray,
     places: FloatArray,
+    ghosts: BoolArray,
     number: WholeArray,
     found: IntArray,
 ) -> np.int64:
     """Write the pairs of ordinary boxes into `found` while there is room, and return how many there are.
 
     A cell meets the rest of its own row, and the rows beside it that come later. Here a large box is turned inside
-    out, with which it meets nobody. A pair that does not meet is written too, where the next one will overwrite it, so
+    out, with which it meets nobody; and among the boxes that a ghost is tried against, in rows 6 to 11, so is every
+    other ghost. A pair that does not meet is written too, where the next one will overwrite it, so
     the last row of `found` is never a pair's.
     """
     n = len(places)
     nx, ny, nz = shape
-    b, eights = boxes.copy(), np.zeros(n // 8 + 2, dtype=np.uint64)
+    b, eights = np.empty((12 if ghosts.any() else 6, n), dtype=np.float32), np.zeros(n // 8 + 2, dtype=np.uint64)
     flags, count, last = eights.view(np.uint8), np.uint64(0), np.uint64(len(found) - 1)
     lower, upper = np.empty(MOST_ROWS, dtype=np.uint64), np.empty(MOST_ROWS, dtype=np.uint64)
+    b[:6] = boxes
     for k in range(n):
         if 2.0 * places[k, 3] > width:
-            b[:3, k], b[3:, k] = np.inf, -np.inf
+            b[:3, k], b[3:6, k] = np.inf, -np.inf
+    if len(b) > 6:
+        b[6:] = b[:6]
+        for k in range(n):
+            if ghosts[k]:
+                b[6:9, k], b[9:, k] = np.inf, -np.inf
     for cell in range(nx * ny * nz):
         begin, end = np.uint64(starts[cell]), np.uint64(starts[cell + 1])
         if begin == end:
@@ -115,14 +129,14 @@ def _scan_ordinary(
                 n_rows += 1
         for p in range(begin, end):
             x, y, z, u, v, w = b[0, p], b[1, p], b[2, p], b[3, p], b[4, p], b[5, p]
-            lower[0], mine = p + ONE, number[p]
+            lower[0], mine, o = p + ONE, number[p], SIX if ghosts[p] else ZERO
             for r in range(n_rows):
                 first = lower[r]
                 size = upper[r] - first
                 for k in range(size):
                     q = first + k
-                    below = (b[0, q] <= u) & (b[1, q] <= v) & (b[2, q] <= w)
-                    flags[k] = below & (b[3, q] >= x) & (b[4, q] >= y) & (b[5, q] >= z)
+                    below = (b[o, q] <= u) & (b[o + ONE, q] <= v) & (b[o + TWO, q] <= w)
+                    flags[k] = below & (b[o + THREE, q] >= x) & (b[o + FOUR, q] >= y) & (b[o + FIVE, q] >= z)
                 for k in range(size, size + EIGHT):
                     flags[k] = 0
                 for h in range((size + EIGHT - ONE) >> THREE):
@@ -143,6 +157,7 @@ def _scan_large(
     width: float,
     boxes: SingleArray,
     places: FloatArray,
+    ghosts: BoolArray,
     number: WholeArray,
     found: IntArray,
     count: np.int64,
@@ -168,5 +183,6 @@ def _scan_large(
                         found[count, 0], found[count, 1] = p, q
                         below = (boxes[0, q] <= b[3]) & (boxes[1, q] <= b[4]) & (boxes[2, q] <= b[5])
                         below &= (number[p] - number[q] != ONE) & (number[q] - number[p] != ONE)
+                        below &= not (ghosts[p] and ghosts[q])
                         count += below & (boxes[3, q] >= b[0]) & (boxes[4, q] >= b[1]) & (boxes[5, q] >= b[2])
     return found, count

@@ -71,9 +71,10 @@ def candidate_pairs(
     Returns
     -------
     pairs : ndarray of int32, shape (k, 2)
-        Sphere indices, the first one in the home image.
+        Sphere indices i ≤ j.
     images : ndarray of int, shape (k, 3), or (0, 3)
-        Lattice counts of the second sphere; left out where all are 0, without a cell or in a wide one.
+        Lattice counts of the second sphere, the first one seen at home; for i = j the first that is not 0 is positive.
+        Left out where all are 0, without a cell or in a wide one.
     complete : bool
         False where images further than `FURTHEST_IMAGE` cells away might be met; the lists are then empty.
 
@@ -87,7 +88,7 @@ def candidate_pairs(
     basis0, basis1 = basis_of(cell0), basis_of(cell1)
     has_images = periodic and images_can_meet(mid0, mid1, radii, basis0, basis1)
     if has_images:
-        source, images = _with_ghosts(mid0, mid1, radii, basis0, basis1)
+        source, images = with_ghosts(mid0, mid1, radii, basis0, basis1, FURTHEST_IMAGE)
     if len(source) < m:
         return np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int64), False
     spheres = _swept_spheres(source, images, mid0, mid1, radii, basis0, basis1)
@@ -100,10 +101,29 @@ def candidate_pairs(
     pairs, shifts = np.empty((count, 2), dtype=np.int32), np.empty((count, 3), dtype=np.int64)
     for k in range(count):
         first, second = found[k, 0], found[k, 1]
-        pairs[k, 0], pairs[k, 1] = source[first], source[second]
-        for axis in range(3):
-            shifts[k, axis] = images[second, axis] - images[first, axis]
+        i, j = source[first], source[second]
+        image = between_images(images, first, second)
+        if comes_later(i, j, image):
+            i, j, image = j, i, (-image[0], -image[1], -image[2])
+        pairs[k, 0], pairs[k, 1] = i, j
+        shifts[k, 0], shifts[k, 1], shifts[k, 2] = image
     return pairs, shifts, True
+
+
+@njit(cache=True, nogil=True, inline="always")
+def between_images(images: IntArray, first: int, second: int) -> Counts:
+    """Return by how many lattice vectors more one thing is moved than another."""
+    return (
+        images[second, 0] - images[first, 0],
+        images[second, 1] - images[first, 1],
+        images[second, 2] - images[first, 2],
+    )
+
+
+@njit(cache=True, nogil=True, inline="always")
+def comes_later(i: int, j: int, image: Counts) -> bool:
+    """Return whether, of the two descriptions of a pair, (i, j + s) and (j, i - s), this is not the one to be used."""
+    return i > j or (i == j and image < (0, 0, 0))
 
 
 @njit(cache=True, nogil=True)
@@ -182,13 +202,14 @@ def _swept_spheres(
 
 
 @njit(cache=True, nogil=True)
-def _with_ghosts(
-    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis
+def with_ghosts(
+    mid0: FloatArray, mid1: FloatArray, radii: FloatArray, basis0: Basis, basis1: Basis, furthest_image: float
 ) -> tuple[IntArray, IntArray]:
     """Return source and image of each sphere brought into the home cell, and of the ghosts that can reach one there.
 
-    Ghosts come from one half space of shifts only: of the two descriptions of a pair, (i, j + s) and (j, i - s), one
-    has a lexicographically positive shift.
+    Nothing is returned where images further than `furthest_image` cells away might be met. Ghosts come from one half
+    space of shifts only: of the two descriptions of a pair, (i, j + s) and (j, i - s), one has a lexicographically
+    positive shift.
 
     An image with fractions f + s meets a home sphere only if -reach ≤ f + s ≤ 1 + reach along each axis, reach being
     the two radii over the height of the cell. Its radius has grown by its drift, at most n·drift for max|s| = n, and
@@ -215,7 +236,7 @@ def _with_ghosts(
     source, images = np.empty(capacity, dtype=np.int64), np.empty((capacity, 3), dtype=np.int64)
     source[:m], images[:m] = np.arange(m), home
     furthest = (1.0 + 2.0 * largest * thin) / (1.0 - drift)
-    if not furthest <= FURTHEST_IMAGE:
+    if not furthest <= furthest_image:
         return source[:0], images[:0]
     blur = furthest * drift + 1e-9  # drift of the image, and rounding of f
     for i in range(m):

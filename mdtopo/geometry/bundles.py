@@ -9,7 +9,7 @@ least y, least z, then the greatest. An edge has a place in them: a bundle has `
 an edge, at the end of a trace, hold a box that is turned inside out, which meets nobody.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -55,6 +55,27 @@ ROW = 6 * BUNDLE
 EIGHT = np.uint64(8)
 
 
+class Meetings(NamedTuple):
+    """Which bundles meet.
+
+    Attributes
+    ----------
+    near : ndarray of int32, shape (k, 2)
+        Pairs of bundles, as places in `order`; those of the same first bundle in a row, and none that follow each other
+        along the traces.
+    order : ndarray of int, shape (n,)
+        Bundles, those near in space near each other. Where there are images, a bundle here is a placed one.
+    source, images : ndarray of int, shapes (n,) and (n, 3), or (0,) and (0, 3)
+        Of each placed bundle which one it is, and by how many lattice vectors it is moved: see
+        `mdtopo.geometry.imagebundles`. Empty where there are no images.
+    """
+
+    near: IntArray
+    order: IntArray
+    source: IntArray
+    images: IntArray
+
+
 @njit(cache=True, nogil=True)
 def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """Return every pair of boxes that meet, neighbours along a trace left out; see `near_in_bundles`.
@@ -74,12 +95,27 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
 
 @njit(cache=True, nogil=True)
 def near_in_bundles(boxes: SingleArray, bundles: SingleArray, starts: IntArray, trace: IntArray) -> IntArray:
+    """Return every pair of edges whose boxes meet, neighbours along a trace left out; see `pairs_of_meetings`."""
+    return pairs_of_meetings(boxes, meetings_of(bundles), starts, trace)
+
+
+@njit(cache=True, nogil=True)
+def meetings_of(bundles: SingleArray) -> Meetings:
+    """Return which bundles meet, without images; see `joint_boxes`."""
+    near, order = meeting_boxes(bundles, bundles.shape[1], True)
+    return Meetings(near, order, np.empty(0, dtype=np.int64), np.empty((0, 3), dtype=np.int64))
+
+
+@njit(cache=True, nogil=True)
+def pairs_of_meetings(boxes: SingleArray, meetings: Meetings, starts: IntArray, trace: IntArray) -> IntArray:
     """Return every pair of edges whose boxes meet, neighbours along a trace left out.
 
     Parameters
     ----------
-    boxes, bundles : ndarray of float32, shapes (6, p) and (6, n)
-        Of all places, see `edge_boxes`, and of the bundles, see `joint_boxes`.
+    boxes : ndarray of float32, shape (6, p)
+        Of all places, see `edge_boxes`.
+    meetings : Meetings
+        Of these boxes, or of larger ones.
     starts, trace : ndarray of int
         See `bundle_starts` and `near_boxes`.
 
@@ -95,8 +131,7 @@ def near_in_bundles(boxes: SingleArray, bundles: SingleArray, starts: IntArray, 
     axes, at every time of the step: an edge stays in the box that holds both its ends before and after.
     """
     found, count = pairs_along(boxes, starts, trace)
-    near, order = meeting_boxes(bundles)
-    return pairs_across(found, count, near, starts, order, boxes_in_order(boxes, order))
+    return pairs_across(found, count, meetings.near, starts, meetings.order, boxes_in_order(boxes, meetings.order))
 
 
 @njit(cache=True, nogil=True)
@@ -324,11 +359,10 @@ def pairs_across(
     ----------
     found, count
         See `pairs_along`.
-    near : ndarray of int, shape (k, 2)
-        Pairs of bundles, as places in `order`; those of the same first bundle in a row, and none that follow each other
-        along the traces.
-    starts, order, boxes : ndarray
-        See `bundle_starts`, `mdtopo.geometry.boxgrid.meeting_boxes` and `boxes_in_order`.
+    near, order : ndarray of int
+        See `Meetings`; `near` may be some pairs of it in a row.
+    starts, boxes : ndarray
+        See `bundle_starts` and `boxes_in_order`.
     """
     done = 0
     while True:

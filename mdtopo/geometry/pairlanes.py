@@ -174,10 +174,16 @@ def slabs_of(start: Corners, end: Corners, rho: float, slack: float) -> tuple[fl
 
 @njit(cache=True, nogil=True)
 def gap_at(lanes: FloatArray, k: int, slack: float) -> float:
-    """Return how far the slabs of one pair across the line of centres are apart at all times, Å; a lower bound."""
+    """Return how far one pair is apart at all times, Å: a lower bound, by slabs.
+
+    They lie across the line of centres, or across an axis. So any pair that no search lists which looks so far is
+    further apart by this measure too.
+    """
     start, end = corners_at(lanes, START, k), corners_at(lanes, END, k)
     slab0, slab1, _ = slabs_of(start, end, relative_motion(start, end) + slack, slack)
-    return min(slab0, slab1)
+    centre0, f0, g0 = halves_of(start)
+    centre1, f1, g1 = halves_of(end)
+    return max(min(slab0, slab1), axis_gap(centre0, centre1, f0, g0, f1, g1) - slack)
 
 
 @njit(cache=True, nogil=True)

@@ -352,7 +352,7 @@ def test_the_search_has_many_bundles_and_cells(brute: Brute) -> None:
     places = np.column_stack([0.5 * (low + high), 0.5 * (high - low).max(axis=1)])
     _, _, shape, _, width = sorted_into_cells(places, ORDINARY, True)
     assert len(low) >= 75
-    listed, order = meeting_boxes(boxes)
+    listed, order = meeting_boxes(boxes, boxes.shape[1], True)
     found = {(int(i), int(j)) for i, j in np.sort(order[listed], axis=1)}
     meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
     assert found == {(int(i), int(j)) for i, j in np.argwhere(meet) if i + 1 < j}

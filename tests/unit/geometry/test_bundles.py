@@ -74,7 +74,8 @@ def test_boxes_are_found_in_single_precision_wherever_they_are(shift: float, sca
     low = scale * rng.integers(0, 30, size=(150, 3)) + shift
     boxes = np.concatenate([low, low + scale * rng.integers(1, 5, size=(150, 3))], axis=1)
     starts = bundle_starts(np.arange(len(boxes)))
-    found, order = meeting_boxes(joint_boxes(narrowed_boxes(boxes, starts), starts))
+    joint = joint_boxes(narrowed_boxes(boxes, starts), starts)
+    found, order = meeting_boxes(joint, joint.shape[1], True)
     listed = {(int(i), int(j)) for i, j in np.sort(order[found], axis=1)}
     one, other = boxes[:, np.newaxis], boxes[np.newaxis]
     meet = ((one[..., :3] <= other[..., 3:]) & (other[..., :3] <= one[..., 3:])).all(axis=2)
