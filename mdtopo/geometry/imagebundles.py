@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 Single: TypeAlias = tuple[np.float32, np.float32, np.float32]
 
-FURTHEST_BUNDLE = 2.5
+FURTHEST_BUNDLE = 3.0
 """Cells. Where bundles could reach further, they have so many images that edges are better looked at one by one."""
 
 SHIFT_ERROR = 16.0 * UNIT_ROUNDOFF
