@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 
 from mdtopo.geometry.boxgrid import meeting_boxes
 from mdtopo.geometry.broadphase import between_images, comes_later, with_ghosts
-from mdtopo.geometry.bundles import BUNDLE, ROW, Meetings, pairs_across, pairs_along, rounded_down, rounded_up
+from mdtopo.geometry.bundles import (
+    BUNDLE,
+    ROW,
+    Meetings,
+    bundle_starts,
+    joint_boxes,
+    narrowed_boxes,
+    pairs_across,
+    pairs_along,
+    rounded_down,
+    rounded_up,
+)
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.lattice import Basis, lattice_vector, total_length
 
@@ -32,6 +43,23 @@ MOVING = np.float32(2.0**-22)
 """What a box grows by when it is moved, as a share of the two numbers: their sum is off by 2^-24 of it, this product by
 2^-23 of itself, and the difference of both by 2^-24 of it. Numbers so small that products underflow are below
 `mdtopo.geometry.bundles.LEAST_GROWTH`, by which the box and the move were rounded already."""
+
+
+@njit(cache=True, nogil=True)
+def near_boxes_in_cell(
+    boxes: FloatArray, trace: IntArray, basis0: Basis, basis1: Basis
+) -> tuple[IntArray, IntArray, bool]:
+    """Return every pair of boxes that meet and their images, see `pairs_of_images`, and whether they were found.
+
+    For `boxes` and `trace` see `mdtopo.geometry.bundles.near_boxes`. Where bundles have too many images, nothing is.
+    """
+    starts = bundle_starts(trace)
+    narrow = narrowed_boxes(boxes, starts)
+    meetings = meetings_in_cell(joint_boxes(narrow, starts), basis0, basis1)
+    if len(meetings.source) == 0:
+        return np.empty((0, 2), dtype=np.int32), np.empty((0, 3), dtype=np.int64), False
+    pairs, images = pairs_of_images(narrow, meetings, starts, trace, basis0, basis1)
+    return pairs, images, True
 
 
 @njit(cache=True, nogil=True)

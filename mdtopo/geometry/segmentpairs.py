@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mdtopo.geometry.broadphase import candidate_pairs, images_can_meet
 from mdtopo.geometry.bundles import near_boxes
 from mdtopo.geometry.distances import LEAST_SQUARE
+from mdtopo.geometry.imagebundles import near_boxes_in_cell
 from mdtopo.geometry.lattice import basis_of, lattice_vector
 from mdtopo.geometry.segmenthulls import JOINT, PAIR, SELF
 from mdtopo.geometry.segmentshapes import MID0, MID1, RADIUS, chord_separation
@@ -196,12 +197,7 @@ def _pairs_in_reach(
     periodic: bool,
     pad: float,
 ) -> tuple[IntArray, IntArray, bool]:
-    """Return the pairs whose padded boxes, or spheres where images can meet, meet; and whether all were found."""
-    if periodic:
-        mid0, mid1 = shapes[:, MID0 : MID0 + 3].copy(), shapes[:, MID1 : MID1 + 3].copy()
-        radii = shapes[:, RADIUS] + pad
-        if images_can_meet(mid0, mid1, radii, basis_of(cell0), basis_of(cell1)):
-            return candidate_pairs(mid0, mid1, radii, cell0, cell1, periodic)
+    """Return the pairs whose padded boxes meet, or spheres where there are many images; and whether all were found."""
     m = len(following)
     trace, padded = np.zeros(m, dtype=np.int64), np.empty((m, 6))
     for k in range(m):
@@ -209,6 +205,14 @@ def _pairs_in_reach(
             trace[k] = trace[k - 1] if following[k - 1] == k else trace[k - 1] + 1
         for axis in range(3):
             padded[k, axis], padded[k, axis + 3] = boxes[k, axis] - pad, boxes[k, axis + 3] + pad
+    if periodic:
+        mid0, mid1 = shapes[:, MID0 : MID0 + 3].copy(), shapes[:, MID1 : MID1 + 3].copy()
+        radii, basis0, basis1 = shapes[:, RADIUS] + pad, basis_of(cell0), basis_of(cell1)
+        if images_can_meet(mid0, mid1, radii, basis0, basis1):
+            pairs, images, is_found = near_boxes_in_cell(padded, trace, basis0, basis1)
+            if is_found:
+                return pairs, images, True
+            return candidate_pairs(mid0, mid1, radii, cell0, cell1, periodic)
     return near_boxes(padded, trace), np.empty((0, 3), dtype=np.int64), True
 
 
