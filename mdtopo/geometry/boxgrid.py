@@ -1,8 +1,8 @@
 """Which boxes meet? A cell grid in single precision, for boxes that are mostly of one size.
 
 A box is tried against many others in a row, without a branch, so that the compiler tries eight or sixteen of them at a
-time. Indices are unsigned there, because of a signed one it would have to ask whether it counts from the end. There are
-no periodic images here; `mdtopo.geometry.broadphase` has them.
+time. Indices are unsigned there, because of a signed one it would have to ask whether it counts from the end. Periodic
+images are ghosts, which `mdtopo.geometry.imagebundles` puts beside the boxes at home.
 """
 
 from typing import Any

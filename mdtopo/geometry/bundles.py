@@ -78,7 +78,7 @@ class Meetings(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
-    """Return every pair of boxes that meet, neighbours along a trace left out; see `near_in_bundles`.
+    """Return every pair of boxes that meet, neighbours along a trace left out; see `pairs_of_meetings`.
 
     Parameters
     ----------
@@ -90,13 +90,7 @@ def near_boxes(boxes: FloatArray, trace: IntArray) -> IntArray:
     """
     starts = bundle_starts(trace)
     narrow = narrowed_boxes(boxes, starts)
-    return near_in_bundles(narrow, joint_boxes(narrow, starts), starts, trace)
-
-
-@njit(cache=True, nogil=True)
-def near_in_bundles(boxes: SingleArray, bundles: SingleArray, starts: IntArray, trace: IntArray) -> IntArray:
-    """Return every pair of edges whose boxes meet, neighbours along a trace left out; see `pairs_of_meetings`."""
-    return pairs_of_meetings(boxes, meetings_of(bundles), starts, trace)
+    return pairs_of_meetings(narrow, meetings_of(joint_boxes(narrow, starts)), starts, trace)
 
 
 @njit(cache=True, nogil=True)

@@ -32,14 +32,21 @@ OFF_CENTRE = 0.4870129
 WIDENINGS = 8
 """A bracket starts a few rounding errors wide, and grows by a factor of eight so many times at most."""
 
-TIME_WIDTH = 1e-10
-"""A passage whose time is not known this well in floating point is left to exact arithmetic."""
+TIME_WIDTH = 1.5e-9
+"""A passage whose time is not known this well in floating point is left to exact arithmetic. Half of it is what a time
+may be off by: less than 1e-9 of a step."""
+
+PLACED_TIME_WIDTH = 1e-7
+"""And this well where positions were placed in a cell. By how much they are off is bounded for all edges of a step at
+once, a hundred times above what rounding comes to: so times are as good there, but proved to 5e-8 only. With one width
+for both, a third of the passages in a cell of 200 Å would need exact arithmetic, at 2 ms each."""
 
 POLISH = 60
 """Steps to refine a root at most. Mostly four or five do; one that is not known well enough by then is left open."""
 
 POLISHED = 0.125
-"""A root is refined until f is this share of its error bound: then about twice the error over the slope brackets it."""
+"""A root is refined until f is this share of what arithmetic alone may be off by: then about twice the whole error over
+the slope brackets it."""
 
 UNDERFLOW = 1e-280
 """Added to the error of every product: below 1e-100 Å a product of three lengths has lost its digits, or is 0."""
@@ -50,7 +57,8 @@ Cubic = tuple[float, float, float, float]
 class MovingPair(NamedTuple):
     """Differences of two moving edges: u, v, w at both ends, their greatest lengths, and the error of each.
 
-    `far` is the greatest motion of any of the three.
+    `far` is the greatest motion of any of the three, `width` how well the time of a passage must be known, and `share`
+    what of the error is not that of placing.
     """
 
     u0: Vector
@@ -64,6 +72,8 @@ class MovingPair(NamedTuple):
     w: float
     far: float
     error: float
+    width: float
+    share: float
 
 
 @njit(cache=True, nogil=True)
@@ -74,7 +84,9 @@ def moving_pair(start: Corners, end: Corners, placing: float) -> MovingPair:
     u, v, w = longer(u0, u1), longer(v0, v1), longer(w0, w1)
     far = max(norm(subtract(u1, u0)), longer(subtract(v1, v0), subtract(w1, w0)))
     # a difference is rounded once, u·|x| per component; a factor of two covers the rounding of the lengths
-    return MovingPair(u0, v0, w0, u1, v1, w1, u, v, w, far, placing + 4.0 * UNIT_ROUNDOFF * max(u, max(v, w)))
+    rounding, width = 4.0 * UNIT_ROUNDOFF * max(u, max(v, w)), PLACED_TIME_WIDTH if placing > 0.0 else TIME_WIDTH
+    share = rounding / (placing + rounding) if placing > 0.0 else 1.0
+    return MovingPair(u0, v0, w0, u1, v1, w1, u, v, w, far, placing + rounding, width, share)
 
 
 @njit(cache=True, nogil=True)
@@ -190,10 +202,11 @@ def meeting(pair: MovingPair, low: float, high: float) -> tuple[int, float, floa
 
 
 @njit(cache=True, nogil=True)
-def bracketed_root(b: Cubic, error: float, low: float, high: float) -> tuple[float, float]:
+def bracketed_root(b: Cubic, error: float, share: float, low: float, high: float) -> tuple[float, float]:
     """Return a narrow bracket of the one root in (low, high), with certain and opposite signs at its ends.
 
-    Where rounding hides a sign next to the root, the bracket stays as wide as it came.
+    Where rounding hides a sign next to the root, the bracket stays as wide as it came. For `share` see `MovingPair`: the
+    middle of the bracket is as good as arithmetic allows.
     """
     f_low, f_high = blossom(b, low, low, low), blossom(b, high, high, high)
     x, y, slope, rises = low, high, 0.0, f_high > f_low
@@ -203,7 +216,7 @@ def bracketed_root(b: Cubic, error: float, low: float, high: float) -> tuple[flo
         if not x < t < y or k % 6 == 5:
             t = 0.5 * (x + y)
         f, slope = value_and_slope(b, t)
-        if abs(f) <= POLISHED * error or (y - x) < 4.0 * UNIT_ROUNDOFF:
+        if abs(f) <= POLISHED * share * error or (y - x) < 4.0 * UNIT_ROUNDOFF:
             break
         if (f > 0.0) == rises:
             y = t
@@ -267,9 +280,9 @@ def passages(start: Corners, end: Corners, placing: float) -> tuple[int, int, tu
 @njit(cache=True, nogil=True)
 def passage_within(pair: MovingPair, b: Cubic, error: float, low: float, high: float) -> tuple[int, Vector]:
     """Return whether the edges meet at the one root of f in (low, high), and time and parameters there."""
-    x, y = bracketed_root(b, error, low, high)
+    x, y = bracketed_root(b, error, pair.share, low, high)
     state, s, r = meeting(pair, x, y)
-    if state == PASSES and y - x > TIME_WIDTH:
+    if state == PASSES and y - x > pair.width:
         state = UNSURE
     return state, (0.5 * (x + y), s, r)
 

@@ -23,7 +23,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mdtopo import MonitorConfig, Strands, polyline_step
-from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, near_in_bundles
+from mdtopo.geometry.bundles import bundle_starts, edge_boxes, joint_boxes, meetings_of, pairs_of_meetings
 from mdtopo.geometry.distances import closest_points
 from mdtopo.geometry.vectors import norm, row, subtract
 
@@ -98,7 +98,7 @@ def least_distance(x: Points, reach: float) -> float:
         least = min(least, norm(n))
     starts = bundle_starts(trace)
     boxes = edge_boxes(x, x, edges, pads, starts)
-    pairs = near_in_bundles(boxes, joint_boxes(boxes, starts), starts, trace)
+    pairs = pairs_of_meetings(boxes, meetings_of(joint_boxes(boxes, starts)), starts, trace)
     for k in range(len(pairs)):
         i, j = pairs[k]
         _, _, n = closest_points(row(x, i), row(x, i + 1), row(x, j), row(x, j + 1))
@@ -151,6 +151,27 @@ def test_a_step_costs_the_same_per_edge_whatever_the_size(chain: Callable[[int],
             f"self-intersection of one frame {still:6.0f} = {still / step[n]:4.2f} x; "
             f"scalar comparison alone {scalar:5.0f} = {scalar / step[n]:4.2f} x, "
             f"{'a proof' if scalar_comparison(x0, x1) else 'no proof'}"
+        )
+    growth = step[SIZES[-1]] / step[SIZES[0]]
+    print(f"  growth from {SIZES[0]} to {SIZES[-1]} edges: {growth:.2f} x (aim {AIM_GROWTH:g})")
+    assert growth <= AIM_GROWTH
+
+
+@pytest.mark.parametrize("chain", [walk, lattice], ids=["random walk", "lattice walk"])
+def test_images_cost_the_same_per_edge_whatever_the_size(chain: Callable[[int], Points]) -> None:
+    """The same chains in a cell that they fill, so that they meet their own images through each of its faces."""
+    step: dict[int, float] = {}
+    print(f"\n{chain.__name__} in a cell that it fills, one core, ns per edge")
+    for n in SIZES:
+        x0 = chain(n)
+        x1, strands = systems.displaced(x0, SHARE), Strands.from_lengths([n + 1])
+        cell = (float(np.ptp(x0, axis=0).max()) + systems.BOND) * np.eye(3)
+        alone = least_ns(partial(polyline_step, x0, x1, strands, config=LAB), n)
+        in_cell = partial(polyline_step, x0, x1, strands, cell_t0=cell, cell_t1=cell, config=LAB)
+        report, step[n] = in_cell(), least_ns(in_cell, n)
+        print(
+            f"  {n:7d} edges: step {step[n]:6.0f} = {step[n] / alone:.2f} x that without a cell, "
+            f"{report.verdict.name}, {report.n_crossings} crossings"
         )
     growth = step[SIZES[-1]] / step[SIZES[0]]
     print(f"  growth from {SIZES[0]} to {SIZES[-1]} edges: {growth:.2f} x (aim {AIM_GROWTH:g})")

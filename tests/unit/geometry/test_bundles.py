@@ -14,9 +14,10 @@ from mdtopo.geometry.bundles import (
     bundle_starts,
     edge_boxes,
     joint_boxes,
+    meetings_of,
     narrowed_boxes,
     near_boxes,
-    near_in_bundles,
+    pairs_of_meetings,
 )
 from mdtopo.records import Traces
 
@@ -38,7 +39,7 @@ def all_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, 
 def near_edges(x0: Points, x1: Points, edges: Indices, pads: Points, trace: Indices) -> Indices:
     starts = bundle_starts(trace)
     boxes = edge_boxes(x0, x1, edges, pads, starts)
-    return near_in_bundles(boxes, joint_boxes(boxes, starts), starts, trace)
+    return pairs_of_meetings(boxes, meetings_of(joint_boxes(boxes, starts)), starts, trace)
 
 
 def found_near(x0: Points, x1: Points, t: Traces, pads: Points) -> set[tuple[int, int]]:

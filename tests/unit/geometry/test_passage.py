@@ -86,6 +86,29 @@ def test_a_passage_at_a_known_time() -> None:
     assert found[0] == pytest.approx((3 / 8, 1 / 2, 1 / 2), abs=1e-12)
 
 
+@pytest.mark.parametrize("placing", [1e-13, 1e-11])
+def test_a_time_is_as_good_where_positions_may_be_off(placing: float) -> None:
+    """The bound of their error is far above it, and must not be what the root is refined to."""
+    n_sure = n_events = 0
+    for x0, x1 in motions(4, 400, 0.0):
+        truth = pair_passages(x0.reshape(2, 2, 3), x1.reshape(2, 2, 3))
+        n_events += len(truth.events) > 0
+        state, count, found, _ = passages(corners(x0), corners(x1), placing)
+        if state == PASSES:
+            n_sure += 1
+            assert [found[k][0] for k in range(count)] == pytest.approx([e.t for e in truth.events], abs=1e-12)
+    assert n_events > 20
+    assert n_sure > 0.95 * n_events
+
+
+@pytest.mark.parametrize(("placing", "is_known"), [(0.0, True), (6.2e-8, True), (6.4e-8, False)])
+def test_a_time_that_is_not_known_well_is_left_open(placing: float, is_known: bool) -> None:
+    """f may be off by 2·(16·16 + 2·16·12.37) times that, its slope is 16·16·8; the bracket, 2.5 of both, has 1e-7."""
+    x0 = np.array([[-8.0, 0, 0], [8, 0, 0], [0, -8, -3], [0, 8, -3]])
+    x1 = np.array([[-8.0, 0, 0], [8, 0, 0], [0, -8, 5], [0, 8, 5]])
+    assert (passages(corners(x0), corners(x1), placing)[0] == PASSES) == is_known
+
+
 def test_a_rounding_error_as_large_as_the_gap_leaves_it_open() -> None:
     x0 = np.array([[-1.0, 0, 0], [1, 0, 0], [0, -1, 1e-3], [0, 1, 1e-3]])
     x1 = x0.copy()
