@@ -205,8 +205,8 @@ def meeting(pair: MovingPair, low: float, high: float) -> tuple[int, float, floa
 def bracketed_root(b: Cubic, error: float, share: float, low: float, high: float) -> tuple[float, float]:
     """Return a narrow bracket of the one root in (low, high), with certain and opposite signs at its ends.
 
-    Where rounding hides a sign next to the root, the bracket stays as wide as it came. For `share` see `MovingPair`: the
-    middle of the bracket is as good as arithmetic allows.
+    Where rounding hides a sign next to the root, the bracket stays as wide as it came. For `share` see `MovingPair`:
+    the middle of the bracket is as good as arithmetic allows.
     """
     f_low, f_high = blossom(b, low, low, low), blossom(b, high, high, high)
     x, y, slope, rises = low, high, 0.0, f_high > f_low
