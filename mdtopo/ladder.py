@@ -37,10 +37,10 @@ from mdtopo.extremes import N_RUNGS, NU0, NU0_PROVEN, NU1, NU1_PROVEN, RATIO, Ex
 from mdtopo.geometry.distances import UNIT_ROUNDOFF
 from mdtopo.geometry.pairlanes import fresh_workbench
 from mdtopo.localpairs import near_local_pairs
-from mdtopo.reach import begun_search, closer_pads, found_pairs, has_pairs, narrower_search, search_pads
+from mdtopo.reach import has_pairs
 from mdtopo.records import Rung
 from mdtopo.rungs import climb_pairs, meet_end_terms
-from mdtopo.sampling import closer_reach
+from mdtopo.sampling import pairs_that_count
 from mdtopo.spheres import (
     LEAST_SLACK,
     PLACING_ERROR,
@@ -163,15 +163,14 @@ def measure_step(
     reach = max(first_reach, min(SPARE_REACH * likely_reach, widest))
     wanted, countable = 0.0, True
     while len(edges) > 0:
-        pads = search_pads(spheres, reach, local.values[RATIO], slack)
-        search = begun_search(motion, periodic, edges, trace, spheres, pads)
-        closer, ratio = closer_reach(
-            search,
+        pairs, images, countable = pairs_that_count(
             reach,
             motion,
+            periodic,
             edges,
             following,
             trace,
+            spheres,
             slack,
             placing,
             first_reach,
@@ -180,10 +179,6 @@ def measure_step(
             has_self,
             has_inter,
         )
-        if closer < reach:
-            pads = closer_pads(spheres, closer, reach, local.values[RATIO], ratio, slack)
-            search = narrower_search(search, motion, edges, pads)
-        pairs, images, countable = found_pairs(search, motion, periodic, edges, trace, spheres, pads)
         if not countable:
             break
         best = copy_extremes(local)

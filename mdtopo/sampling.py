@@ -4,6 +4,8 @@ Before anything is known of a step, its search looks as far as ν, or the least 
 most of what it would list there is a little further away than what counts in the end.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -11,10 +13,20 @@ from numpy.typing import NDArray
 from mdtopo.curves import StepMotion
 from mdtopo.extremes import NU0, NU1, RATIO, Extremes, copy_extremes
 from mdtopo.geometry.pairlanes import Workbench
-from mdtopo.reach import Search, some_pairs
+from mdtopo.reach import (
+    Search,
+    begun_search,
+    closer_pads,
+    found_pairs,
+    narrower_search,
+    search_pads,
+    some_pairs,
+)
 from mdtopo.rungs import climb_pairs
+from mdtopo.spheres import Spheres
 
 IntArray = NDArray[np.int64]
+PairArray = NDArray[np.signedinteger[Any]]
 
 BUNDLES, MEETINGS = 16, 64
 """Bundles, and pairs of bundles, of which the edges are looked at: strands meet themselves along, and others across."""
@@ -22,6 +34,46 @@ BUNDLES, MEETINGS = 16, 64
 MET, CROWDED = 8.0, 2.0
 """Bundles that each one meets, and pairs of edges that the search would list across them for each edge: from so many on
 it pays to measure a few."""
+
+
+@njit(cache=True, nogil=True)
+def pairs_that_count(
+    reach: float,
+    motion: StepMotion,
+    periodic: bool,
+    edges: IntArray,
+    following: IntArray,
+    trace: IntArray,
+    spheres: Spheres,
+    slack: float,
+    placing: float,
+    first_reach: float,
+    bench: Workbench,
+    local: Extremes,
+    has_self: bool,
+    has_inter: bool,
+) -> tuple[PairArray, IntArray, bool]:
+    """Return the pairs of edges within reach that may change an extreme of a step, their images, and if all were found.
+
+    Parameters
+    ----------
+    reach : float
+        How far to look for clearances and ν, Å.
+    local : Extremes
+        What the local pairs come to.
+    has_self, has_inter : bool
+        Whether pairs of these classes exist at all.
+
+    The others are those of `mdtopo.rungs.climb_pairs` and `mdtopo.reach.pairs_in_reach`.
+    """
+    pads = search_pads(spheres, reach, local.values[RATIO], slack)
+    search = begun_search(motion, periodic, edges, trace, spheres, pads)
+    lists = search, reach, motion, edges, following, trace
+    closer, ratio = closer_reach(*lists, slack, placing, first_reach, bench, local, has_self, has_inter)
+    if closer < reach:
+        pads = closer_pads(spheres, closer, reach, local.values[RATIO], ratio, slack)
+        search = narrower_search(search, motion, edges, pads)
+    return found_pairs(search, motion, periodic, edges, trace, spheres, pads)
 
 
 @njit(cache=True, nogil=True)
