@@ -24,7 +24,7 @@ from mdtopo.records import MonitorConfig
 distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra 'dask')")
 dask = pytest.importorskip("dask")
 
-ROOT = Path(__file__).parents[3]
+INSTALLED = Path(mdtopo.__file__).parents[1]
 CONFIG = MonitorConfig(block_steps=4)
 QUIET = {"dashboard_address": "127.0.0.1:0", "silence_logs": "CRITICAL"}
 
@@ -36,7 +36,7 @@ def local_cluster(n_workers: int, **settings: object) -> Any:
 @pytest.fixture(scope="module")
 def processes() -> Iterator[str]:
     """Two workers, each a process, as on a cluster of machines."""
-    path = {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    path = {"PYTHONPATH": os.pathsep.join([str(INSTALLED), os.environ.get("PYTHONPATH", "")])}
     with dask.config.set({"distributed.nanny.pre-spawn-environ": path}), local_cluster(2, processes=True) as running:
         yield running.scheduler_address
 
@@ -184,7 +184,7 @@ def test_a_worker_that_dies_again_and_again_is_one_sentence(
 ) -> None:
     out = tmp_path / "run.h5"
     words = ["monitor", str(trajectory), "-o", str(out), "--shard-steps", "120", "--block-steps", "4"]
-    path = {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    path = {"PYTHONPATH": os.pathsep.join([str(INSTALLED), os.environ.get("PYTHONPATH", "")])}
     settings = {"distributed.nanny.pre-spawn-environ": path, "distributed.scheduler.allowed-failures": 0}
     with dask.config.set(settings), local_cluster(1, processes=True) as running:
         with distributed.Client(running, set_as_default=False) as client:

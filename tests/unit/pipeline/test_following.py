@@ -23,6 +23,7 @@ from mdtopo.store.lock import is_held
 from mdtopo.store.stages import Stage, is_output, look_at
 
 ROOT = Path(__file__).parents[3]
+INSTALLED = Path(mdtopo.__file__).parents[1]
 CONFIG = MonitorConfig(block_steps=4)
 SHORT = PartLength(steps=20)
 
@@ -173,7 +174,7 @@ def running(trajectory: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen
     """A monitor in another process, held in its middle."""
     out = tmp_path / "run.h5"
     words = [sys.executable, "-m", "mdtopo", *kill_runs.command([str(trajectory)], out)]
-    with subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(ROOT)}) as process:
+    with subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(INSTALLED)}) as process:
         end = time.monotonic() + 60
         while len(list(folder_of(out).glob("part-*.h5"))) < 3:
             assert process.poll() is None

@@ -27,6 +27,7 @@ from mdtopo.pipeline.ahead import read_ahead
 from mdtopo.store import OutputLock, folder_of, make_folder, read_running
 
 ROOT = Path(__file__).parents[3]
+INSTALLED = Path(mdtopo.__file__).parents[1]
 SHORT = PartLength(steps=20)
 
 
@@ -43,7 +44,7 @@ def small_file_system(folder: Path) -> list[str]:
 def ended_runs(folder: Path, how: str, count: int, seed: int) -> dict[str, object]:
     words = [sys.executable, str(ROOT / "tests" / "kill_runs.py"), str(folder), how, str(count), str(seed)]
     words = [*small_file_system(folder), *words] if how == "tmpfs" else words
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": str(INSTALLED)}
     done = subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     sys.stdout.write(f"{how}: {done.stdout}")
