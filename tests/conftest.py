@@ -28,11 +28,6 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, MOST_WORKERS)
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    if hasattr(config, "workerinput"):
-        kernel_cache.save_one_at_a_time()
-
-
 def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     if config.option.numprocesses and not hasattr(config, "workerinput") and not config.option.collectonly:

@@ -4,15 +4,12 @@
 little in common. What is compiled already is only loaded.
 """
 
-import fcntl
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numba.core.caching import IndexDataCacheFile
 
 import mdtopo
 from mdtopo.curverows import CurveRows
@@ -23,23 +20,6 @@ from mdtopo.steprows import unmeasured
 
 STRANDS = Strands.from_lengths([4, 4])
 POSITIONS = np.random.default_rng(1).uniform(0, 9, (8, 3)) + np.zeros((2, 1, 1))
-
-
-def save_one_at_a_time() -> None:
-    """Let only one process at a time write compiled kernels.
-
-    numba reads the index of a kernel's signatures, adds its own and writes it back, and then the machine code under the
-    next number. Of two processes that do so at one moment with different signatures, both take the same number, and in
-    the end the one's signature may stand for the other's code.
-    """
-    save = IndexDataCacheFile.save
-
-    def locked_save(self: Any, key: Any, data: Any) -> None:
-        with open(Path(self._index_path).with_name("saving.lock"), "w") as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            save(self, key, data)
-
-    IndexDataCacheFile.save = locked_save
 
 
 def compile_all() -> None:
@@ -78,5 +58,4 @@ HALVES = {"polyline": compile_polyline, "curve": compile_curve}
 
 
 if __name__ == "__main__":
-    save_one_at_a_time()
     HALVES[sys.argv[1]]()

@@ -5,3 +5,7 @@ at the border (`mdtopo.records`, `mdtopo.measure`). A point inside a kernel is a
 keeps in registers. All kernels release the GIL and none uses fast-math, so that the same input gives the same bits on
 every thread.
 """
+
+from mdtopo.kernelfiles import keep_signatures_apart
+
+keep_signatures_apart()
