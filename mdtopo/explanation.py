@@ -160,7 +160,10 @@ class _Story:
         name = self._label(vertex)
         yield f"The vertex that moved most is {name}: {r['displacement_max']:.4g} Å."
         if self.config.motion == "lab":
-            yield "No rigid motion was taken out (--motion lab): these are the stored coordinates."
+            yield (
+                "No rigid motion was taken out (--motion lab): these are the stored coordinates, each strand in the "
+                "periodic image that is nearest to where it was."
+            )
         else:
             shift = float(np.linalg.norm(r["translation"]))
             yield (

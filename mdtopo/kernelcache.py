@@ -17,7 +17,7 @@ def announce_compilation() -> None:
     """Log one line if the kernels are to be compiled now, because that takes long and looks like a hang."""
     directory = cold_cache()
     if directory is not None:
-        log.info("Compiling the kernels, up to a minute, once; they are kept in %s.", directory)
+        log.info("Compiling the kernels, once, for about two minutes; they are kept in %s.", directory)
 
 
 def cold_cache() -> Path | None:

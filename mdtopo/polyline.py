@@ -37,7 +37,7 @@ def polyline_step(
     cell_t0, cell_t1 : ndarray, shape (3, 3), optional
         Lattice vectors as rows, Å; both or neither.
     config : MonitorConfig, optional
-        Defaults where left out.
+        Defaults where left out. The smooth curve and the profile are left out whatever it says: see `curve_step`.
 
     Raises
     ------
@@ -111,9 +111,14 @@ def checked_positions(x: Points, strands: Strands, name: str) -> Points:
     Raises
     ------
     InputError
-        If the shape does not fit the strands, or a coordinate is not finite.
+        If the shape does not fit the strands, or a coordinate is no number or not finite.
     """
-    array = np.ascontiguousarray(x, dtype=np.float64)
+    try:
+        if np.iscomplexobj(x):
+            raise TypeError("complex numbers")
+        array = np.ascontiguousarray(x, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} does not hold numbers ({error}); positions are real numbers, in Å.") from error
     if array.shape != (strands.n_vertices, 3):
         raise InputError(f"{name} has shape {array.shape}; the strands need ({strands.n_vertices}, 3).")
     if not greatest_magnitude(array) <= LARGEST_COORDINATE:  # also where it is NaN

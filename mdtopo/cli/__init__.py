@@ -23,7 +23,7 @@ from mdtopo.cli import (
     verify,
     watch,
 )
-from mdtopo.cli.exits import EXIT_HELP, Exit, close_log, exit_code
+from mdtopo.cli.exits import EXIT_HELP, Exit, close_log, exit_code, ignore_late_signals
 
 COMMANDS = (demo, doctor, monitor, report, watch, shards, merge, alerts, explain, export, verify, config, readers)
 
@@ -75,6 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments.argv = ["mdtopo", *words]
     try:
         code: Exit = arguments.run(arguments)
+        if argv is None:
+            ignore_late_signals()
         sys.stdout.flush()
     except SystemExit as end:
         return int(end.code or 0)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 import sys
 import traceback
 from contextlib import suppress
@@ -61,6 +62,16 @@ def write_log(stream: IO[str], text: str) -> None:
     with suppress(OSError):
         stream.write(text)
         stream.flush()
+
+
+def ignore_late_signals() -> None:
+    """Ignore what a batch system sends from now on: all is done, and the exit code must say so.
+
+    Python takes a while to shut down, and a signal would end it with a code that says the work was lost.
+    """
+    for name in ("SIGTERM", "SIGUSR1"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 def close_log() -> None:

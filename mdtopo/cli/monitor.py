@@ -138,32 +138,33 @@ def run_job(inputs: list[Path], options: Mapping[str, Any], *, argv: list[str]) 
     stop = StopRequest(options["max_hours"])
     can_go_on = options["out"] is not None and threading.current_thread() is threading.main_thread()
     signals = stopping_on_signals(stop) if can_go_on else nullcontext()
-    with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]), signals:
-        job = monitor if options["dask"] is None else partial(monitor_on_cluster, **_cluster(options))
-        summary = job(
-            *inputs,
-            select=options["select"],
-            out=options["out"],
-            alerts=options["alerts"],
-            frames=frame_slice(options["frames"]),
-            config=config,
-            reader=options["reader"],
-            reader_options=options["reader_option"],
-            threads=options["threads"],
-            overwrite=options["overwrite"],
-            on_progress=display.show,
-            argv=argv,
-            stop=stop,
-            parts=PartLength(options["part_steps"], options["part_minutes"]),
-            broken_from=options["broken_from"],
-        )
-    if summary.checkpoint:
+    with signals:  # to the end: whatever comes then comes too late to stop anything
+        with display, logging_to_stderr(options, display.progress), _interruptible(display, options["out"]):
+            job = monitor if options["dask"] is None else partial(monitor_on_cluster, **_cluster(options))
+            summary = job(
+                *inputs,
+                select=options["select"],
+                out=options["out"],
+                alerts=options["alerts"],
+                frames=frame_slice(options["frames"]),
+                config=config,
+                reader=options["reader"],
+                reader_options=options["reader_option"],
+                threads=options["threads"],
+                overwrite=options["overwrite"],
+                on_progress=display.show,
+                argv=argv,
+                stop=stop,
+                parts=PartLength(options["part_steps"], options["part_minutes"]),
+                broken_from=options["broken_from"],
+            )
+        if summary.checkpoint:
+            return summary
+        if options["report"] is not None and summary.n_steps:
+            _write_report(inputs, options)
+        if not options["quiet"]:
+            print_summary(_summary(summary, config, options), to_log=to_stdout)
         return summary
-    if options["report"] is not None and summary.n_steps:
-        _write_report(inputs, options)
-    if not options["quiet"]:
-        print_summary(_summary(summary, config, options), to_log=to_stdout)
-    return summary
 
 
 def _cluster(options: Mapping[str, Any]) -> dict[str, Any]:

@@ -135,7 +135,9 @@ def monitor(
     Proven: a step that counts as proved has no passage along the linear motion between its two frames; what the strands
     did between the frames in truth is not known to anyone.
     """
-    config, threads = config or MonitorConfig(), threads or default_threads()
+    config, threads = config or MonitorConfig(), default_threads() if threads is None else threads
+    if threads < 1:
+        raise OptionError(f"threads is {threads}; it must be at least 1.")
     stop = stop or StopRequest(max_hours)
     with ExitStack() as stack:
         opened = stack.enter_context(

@@ -191,7 +191,7 @@ def measured_blocks(
 
 
 def check_frames(reader: Reader, frames: slice) -> None:
-    """Refuse a frame range that is no slice, or selects nothing.
+    """Refuse a frame range that is no slice, runs backward, or selects nothing.
 
     Raises
     ------
@@ -200,6 +200,8 @@ def check_frames(reader: Reader, frames: slice) -> None:
     """
     if not isinstance(frames, slice):
         raise InputError(f"frames is {frames!r}; pass a slice, such as slice(0, None, 10).")
+    if frames.step is not None and frames.step < 1:
+        raise InputError(f"The frame range has the step {frames.step}; it must be 1 or more: time runs forward.")
     if reader.n_frames is not None and not range(reader.n_frames)[frames]:
         raise InputError(f"The frame range selects none of the {reader.n_frames} frames; they are counted from 0.")
 

@@ -1,6 +1,7 @@
 """Every knob of a run, in one record that is written into the results file."""
 
 from dataclasses import asdict, dataclass, field, fields
+from numbers import Real
 from typing import Any, Literal, TypeAlias, get_args
 
 from mdtopo.errors import OptionError
@@ -95,6 +96,11 @@ class MonitorConfig:
 
     def _check_together(self) -> None:
         limit = self.near_limit
+        if self.resolution_length == 0.0:
+            raise OptionError(
+                "resolution_length is 0: every crossing would count as sampled too coarsely; give more than 0, or "
+                "leave it out for the length of the shorter edge."
+            )
         if self.criterion != "clearance" and limit == 0.0:
             raise OptionError(
                 "near_limit is 0: every ratio is at least 0, so every step would be near the limit; give more than 0."
@@ -125,7 +131,11 @@ class MonitorConfig:
                 raise OptionError(f"{name} is {values[name]!r}; it must be one of: {choices}.")
         for knob in fields(cls):
             least, value = knob.metadata["least"], values.get(knob.name)
-            if least is not None and value is not None and not value >= least:
+            if least is None or value is None:
+                continue
+            if not isinstance(value, Real):
+                raise OptionError(f"{knob.name} is {value!r}; it must be a number.")
+            if not value >= least:
                 raise OptionError(f"{knob.name} is {value}; it must be at least {least:g}.")
 
     @classmethod

@@ -152,10 +152,18 @@ class Strands:
         Raises
         ------
         StrandError
-            If there is no strand, or one has fewer than two vertices, or a ring fewer than three.
+            If there is no strand, or one has fewer than two vertices, or a ring fewer than three; if a length is no
+            whole number, or `closed` answers for another number of strands.
         """
-        offsets = np.concatenate([[0], np.cumsum(np.asarray(lengths, dtype=np.int64))])
+        sizes = np.asarray(lengths)
+        if sizes.size and not np.issubdtype(sizes.dtype, np.integer):
+            raise StrandError(f"The lengths of the strands are {lengths!r}; they must be whole numbers of vertices.")
+        offsets = np.concatenate([[0], np.cumsum(sizes.astype(np.int64))])
         n_strands = len(offsets) - 1
+        if not isinstance(closed, bool | np.bool_) and len(closed) != n_strands:
+            raise StrandError(
+                f"closed has {len(closed)} answers for {n_strands} strands; give one for all, or one each."
+            )
         rings = np.broadcast_to(np.asarray(closed, dtype=np.bool_), (n_strands,)).copy()
         titles = tuple(names) if names is not None else tuple(f"strand {s}" for s in range(n_strands))
         _refuse_short(np.diff(offsets).tolist(), rings.tolist(), titles)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mdtopo import AlertKind, RunSummary, RunVerdict, Verdict, monitor, read_results
+from mdtopo import AlertKind, InputError, RunSummary, RunVerdict, Strands, Verdict, monitor, read_results
 from mdtopo.records import MonitorConfig
 from mdtopo.store import Results
 
@@ -210,3 +210,17 @@ def test_trajectories_of_mdanalysis(tmp_path: Path, names: tuple[str, str], leng
     assert summary.n_steps == len(results.steps["verdict"]) > 0
     assert results.complete
     assert results.broken == ()
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"frames": slice(None, None, -1)}, "has the step -1; it must be 1 or more: time runs forward"),
+        ({"frames": slice(None, None, 0)}, "has the step 0; it must be 1 or more"),
+        ({"threads": 0}, "threads is 0; it must be at least 1"),
+    ],
+)
+def test_what_the_command_line_refuses_is_refused_in_python_too(how: dict, words: str) -> None:
+    positions = np.arange(3.0)[:, np.newaxis, np.newaxis] + np.arange(9.0).reshape(3, 3)
+    with pytest.raises(InputError, match=words):
+        monitor(positions, strands=Strands.from_lengths([3]), **how)

@@ -156,6 +156,15 @@ def test_input_that_does_not_fit_is_refused() -> None:
         polyline_step(x, x, strands, cell_t0=np.eye(3), cell_t1=np.ones((3, 3)))
 
 
+@pytest.mark.parametrize(
+    "wrong", [[["a", "b", "c"]] * 4, np.zeros((4, 3), dtype=complex), [[1, 2, 3], [4, 5]], [None] * 4]
+)
+def test_positions_that_are_no_numbers_are_refused_in_one_sentence(wrong: object) -> None:
+    good = np.arange(12.0).reshape(4, 3)
+    with pytest.raises(InputError, match="^x_t1 "):
+        polyline_step(good, wrong, Strands.from_lengths([2, 2]))  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_coordinate_may_be_as_large_as_a_hundred_metres_and_no_larger(sign: float) -> None:
     strands, x, limit = Strands.from_lengths([3]), np.diag([1.0, 2.0, 3.0]), LARGEST_COORDINATE

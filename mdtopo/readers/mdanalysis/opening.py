@@ -17,7 +17,7 @@ from mdtopo.readers.base import Source
 from mdtopo.readers.mdanalysis.calls import mdanalysis_call, one_line
 from mdtopo.readers.mdanalysis.extensions import COMPRESSIONS, FRAMES_ONLY, NAMING_ATOMS, extension
 from mdtopo.readers.mdanalysis.options import Options
-from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xyz_lines
+from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xdr_bytes, spare_xyz_lines
 
 LACKING = re.compile(r"please install|not installed|no module named|requires the .* package", re.IGNORECASE)
 """How MDAnalysis says that a package is missing, where it does not raise an ImportError."""
@@ -248,9 +248,12 @@ def _length(trajectory: Any) -> tuple[int, tuple[str, ...]]:
 
 
 def _ends_within_frame(reader: Any, path: Path) -> bool:
-    """Return whether a file ends within a frame that MDAnalysis does not count (DCD, plain XYZ)."""
+    """Return whether a file ends within a frame that MDAnalysis does not count (DCD, XTC, TRR, plain XYZ)."""
     if reader.format == "XYZ" and path.suffix.lower() not in COMPRESSIONS:
         return spare_xyz_lines(path, int(reader.n_atoms)) > 0
+    if reader.format in ("XTC", "TRR"):
+        offsets = getattr(getattr(reader, "_xdr", None), "offsets", None)  # where it has them is MDAnalysis' own affair
+        return offsets is not None and len(offsets) > 0 and spare_xdr_bytes(path, int(offsets[-1])) > 0
     size = dcd_size(path)
     return size is not None and size.spare_bytes > 0
 

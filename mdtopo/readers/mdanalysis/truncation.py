@@ -14,6 +14,15 @@ FIRST_RECORD = 84
 CELL_BYTES = 48 + 8
 """A frame's record of the cell: six doubles between two markers."""
 
+XTC_MAGICS = {1995: (4, ">i"), 2023: (8, ">q")}
+"""The first number of a frame of XTC, and how the size of its packed coordinates is stored; 2023: large systems."""
+
+XTC_BOX_END, XTC_SIZE, MOST_UNPACKED = 52, 88, 9
+"""Bytes up to the number of atoms, and up to the size of the packed coordinates, which so many atoms do not have."""
+
+TRR_MAGIC = 1993
+LONGEST_XDR_HEAD = 256
+
 
 @dataclass(frozen=True, slots=True)
 class DcdSize:
@@ -66,6 +75,46 @@ def _skip_record(file: BinaryIO, order: str) -> bytes:
     content = file.read(length)
     file.read(4)
     return content
+
+
+def spare_xdr_bytes(path: Path, last_frame: int) -> int:
+    """Return how many bytes follow the last frame of an XTC or TRR file; 0 where it is cut off itself, or is neither.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    last_frame : int
+        Where the last frame begins that MDAnalysis counts. It counts one that is cut off, and then fails to read it,
+        but not one of which less than its header is there.
+    """
+    with path.open("rb") as file:
+        file.seek(last_frame)
+        head = file.read(LONGEST_XDR_HEAD)
+    try:
+        length = _xdr_frame_length(head)
+    except struct.error:  # the head itself is not all there
+        return 0
+    return max(path.stat().st_size - last_frame - length, 0) if length else 0
+
+
+def _xdr_frame_length(head: bytes) -> int:
+    """Return the length of a frame by how it begins, 0 if it is none; the formats are those of GROMACS' xdrfile."""
+    (magic,) = struct.unpack_from(">i", head)
+    if magic in XTC_MAGICS:
+        (n_atoms,) = struct.unpack_from(">i", head, XTC_BOX_END)
+        if n_atoms <= MOST_UNPACKED:
+            return int(XTC_BOX_END + 4 + 12 * n_atoms)
+        size, code = XTC_MAGICS[magic]
+        (packed,) = struct.unpack_from(code, head, XTC_SIZE)
+        return int(XTC_SIZE + size + (packed + 3) // 4 * 4)
+    if magic != TRR_MAGIC:
+        return 0
+    (text,) = struct.unpack_from(">i", head, 8)
+    numbers = 12 + (text + 3) // 4 * 4
+    *sizes, n_atoms, _, _ = struct.unpack_from(">13i", head, numbers)
+    is_double = sizes[2] == 9 * 8 or any(size == 3 * 8 * n_atoms for size in sizes[7:])
+    return int(numbers + 13 * 4 + (16 if is_double else 8) + sum(sizes))
 
 
 def spare_xyz_lines(path: Path, n_atoms: int) -> int:

@@ -435,6 +435,18 @@ def test_a_second_interrupt_ends_at_once(tmp_path: Path) -> None:
     assert (ended.returncode, ended.stdout) == (Exit.INTERRUPTED, "SIGINT was received\n")
 
 
+def test_a_signal_behind_the_end_changes_no_exit_code(trajectory: Path, tmp_path: Path) -> None:
+    """A batch system may send one while Python shuts down, and must not take a finished job for a failed one."""
+    words = [sys.executable, "-m", "mdtopo", "monitor", str(trajectory), "-o", str(tmp_path / "run.h5")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if "results" in line:
+                process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == Exit.DONE
+    assert mdtopo.read_results(tmp_path / "run.h5").complete
+
+
 def test_signals_are_given_back(tmp_path: Path) -> None:
     from mdtopo.pipeline import stopping_on_signals
 

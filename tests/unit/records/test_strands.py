@@ -15,9 +15,14 @@ from mdtopo.records import VertexLabels
         ([4, 1], False, r"^Strand 'strand 1' has 1 vertex; "),
         ([3, 2], True, r"^Strand 'strand 1' has 2 vertices; a strand that is closed needs at least 3\."),
         ([], False, r"at least one strand"),
+        ([3.5, 3], False, r"they must be whole numbers of vertices\.$"),
+        ([3, 3], [True], r"^closed has 1 answers for 2 strands; "),
+        ([3, 3], [True, False, False], r"^closed has 3 answers for 2 strands; "),
     ],
 )
-def test_a_strand_that_is_too_short_is_refused_in_one_sentence(lengths: list[int], closed: bool, words: str) -> None:
+def test_lengths_that_make_no_strands_are_refused_in_one_sentence(
+    lengths: list[int], closed: bool | list[bool], words: str
+) -> None:
     with pytest.raises(InputError, match=words):
         Strands.from_lengths(lengths, closed=closed)
 

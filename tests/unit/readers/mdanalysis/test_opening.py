@@ -112,6 +112,23 @@ class TestCutOff:
         with opened(MEMBRANE, whole(kind)) as reader:
             assert [frame.index for frame in reader.frames()] == [0, 1, 2, 3]
 
+    @pytest.mark.parametrize("left", [1, 4, 40, 91, 92, 150])
+    @pytest.mark.parametrize("kind", ["xtc", "trr"])
+    def test_a_cut_within_the_head_of_a_frame_is_seen(self, cut, whole, kind, left):
+        """MDAnalysis does not count a frame of which less is there than its head."""
+        import MDAnalysis
+
+        universe = MDAnalysis.Universe(str(MEMBRANE), str(whole(kind)))
+        last = int(universe.trajectory._xdr.offsets[-1])
+        path = cut(kind, whole(kind).stat().st_size - last - left)
+        with opened(MEMBRANE, path) as reader:
+            frames = reader.frames()
+            assert [frame.index for frame in islice(frames, N_FRAMES - 1)] == [0, 1, 2]
+            with pytest.raises(TrajectoryError, match=r"(?i)frame 3.*cut off"):
+                next(frames)
+        with opened(MEMBRANE, cut(kind, whole(kind).stat().st_size - last)) as reader:
+            assert len(list(reader.frames())) == N_FRAMES - 1
+
     def test_one_byte_is_enough(self, cut):
         with (
             opened(MEMBRANE, cut("dcd", 1)) as reader,

@@ -3,7 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xyz_lines
+from mdtopo.readers.mdanalysis.truncation import dcd_size, spare_xdr_bytes, spare_xyz_lines
 
 
 def dcd_bytes(n_frames, n_atoms=5, *, order="<", declared=None, has_cell=True, n_fixed=0):
@@ -84,3 +84,46 @@ def test_lines_after_the_last_whole_frame_of_an_xyz_are_counted(tmp_path, end, s
     for block in (1, 7, 1 << 20):
         monkeypatch.setattr("mdtopo.readers.mdanalysis.truncation.BLOCK", block)
         assert spare_xyz_lines(path, 3) == spare
+
+
+def write_xdr(path, n_atoms, n_frames=3, *, velocities=False):
+    import MDAnalysis
+
+    universe = MDAnalysis.Universe.empty(n_atoms, trajectory=True, velocities=velocities)
+    random = np.random.default_rng(n_atoms)
+    with MDAnalysis.Writer(str(path), n_atoms=n_atoms) as file:
+        for _ in range(n_frames):
+            universe.atoms.positions = random.normal(size=(n_atoms, 3))
+            universe.dimensions = [40.0, 40.0, 30.0, 90.0, 90.0, 90.0]
+            file.write(universe.atoms)
+    return path
+
+
+@pytest.mark.parametrize("n_atoms", [1, 9, 10, 47])
+@pytest.mark.parametrize("kind", ["xtc", "trr", "velocities.trr"])
+@pytest.mark.parametrize("spare", [0, 1, 50])
+def test_bytes_after_the_last_frame_of_an_xtc_or_trr_are_counted(tmp_path, kind, n_atoms, spare):
+    """XTC packs the coordinates of ten atoms or more."""
+    from MDAnalysis.lib.formats.libmdaxdr import TRRFile, XTCFile
+
+    path = write_xdr(tmp_path / f"run.{kind}", n_atoms, velocities="velocities" in kind)
+    with (XTCFile if kind == "xtc" else TRRFile)(str(path)) as file:
+        starts = file.offsets.tolist()
+    with path.open("ab") as file:
+        file.write(path.read_bytes()[:spare])
+    assert spare_xdr_bytes(path, starts[-1]) == spare
+    assert spare_xdr_bytes(path, starts[1]) == spare + path.stat().st_size - spare - starts[2]
+
+
+def test_a_large_xtc_has_sizes_of_eight_bytes(tmp_path):
+    head = struct.pack(">3i10f", 2023, 20, 0, *[0.0] * 10) + struct.pack(">if7i", 20, 1000.0, *[0] * 7)
+    path = tmp_path / "large.xtc"
+    path.write_bytes(head + struct.pack(">q", 21) + bytes(24) + b"spare")
+    assert spare_xdr_bytes(path, 0) == 5
+
+
+@pytest.mark.parametrize("content", [b"", b"\0\0", b"hello world" * 20, struct.pack(">i", 1995) + bytes(20)])
+def test_what_is_no_frame_of_xtc_or_trr_is_not_judged(tmp_path, content):
+    path = tmp_path / "other"
+    path.write_bytes(content)
+    assert spare_xdr_bytes(path, 0) == 0
