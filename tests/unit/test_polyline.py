@@ -161,7 +161,7 @@ def test_input_that_does_not_fit_is_refused() -> None:
 )
 def test_positions_that_are_no_numbers_are_refused_in_one_sentence(wrong: object) -> None:
     good = np.arange(12.0).reshape(4, 3)
-    with pytest.raises(InputError, match="^x_t1 "):
+    with pytest.raises(InputError, match=r"^x_t1 "):
         polyline_step(good, wrong, Strands.from_lengths([2, 2]))  # type: ignore[arg-type]
 
 
