@@ -96,11 +96,6 @@ class MonitorConfig:
 
     def _check_together(self) -> None:
         limit = self.near_limit
-        if self.resolution_length == 0.0:
-            raise OptionError(
-                "resolution_length is 0: every crossing would count as sampled too coarsely; give more than 0, or "
-                "leave it out for the length of the shorter edge."
-            )
         if self.criterion != "clearance" and limit == 0.0:
             raise OptionError(
                 "near_limit is 0: every ratio is at least 0, so every step would be near the limit; give more than 0."

@@ -28,12 +28,6 @@ def test_a_knob_that_is_no_number_is_refused(value: object) -> None:
         MonitorConfig(near_limit=value)  # type: ignore[arg-type]
 
 
-def test_a_resolution_of_nothing_is_refused() -> None:
-    with pytest.raises(OptionError, match="resolution_length is 0: every crossing"):
-        MonitorConfig(resolution_length=0.0)
-    assert MonitorConfig(resolution_length=1e-9).resolution_length == 1e-9
-
-
 @pytest.mark.parametrize(
     "knobs",
     [
