@@ -179,6 +179,19 @@ def _put_down(job: "_ClusterJob", config: MonitorConfig, reason: str) -> RunSumm
     return replace(tally.summary(None, reason), checkpoint=reason)
 
 
+def _outcome_of(future: Any) -> ShardOutcome:
+    """Return how a task ended that has not been dropped."""
+    from distributed import KilledWorker
+
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return ShardOutcome("", failure=f"{LOST_WORKER}.")
+    if error is not None:
+        raise error
+    outcome: ShardOutcome = future.result()
+    return outcome
+
+
 @dataclass(slots=True)
 class _Entry:
     """One shard on its way: given out while it has a future, measured when `shard` is there."""
@@ -299,19 +312,24 @@ class _ClusterJob:
 
     def _outcome(self, future: Any) -> ShardOutcome:
         """Return how a task ended."""
-        from distributed import KilledWorker
+        try:
+            if future.status == "cancelled":
+                return self._dropped("")
+            return _outcome_of(future)
+        except CancelledError as error:  # since it was asked
+            return self._dropped(str(getattr(error, "reason", "")))
 
-        if future.status == "cancelled":
-            if self.client.status != "running":
-                raise OSError("the connection is lost")
-            return ShardOutcome("", failure="the cluster has dropped it.")
-        error = future.exception()
-        if isinstance(error, KilledWorker):
-            return ShardOutcome("", failure=f"{LOST_WORKER}.")
-        if error is not None:
-            raise error
-        outcome: ShardOutcome = future.result()
-        return outcome
+    def _dropped(self, reason: str) -> ShardOutcome:
+        """Return the outcome of a task that the cluster has dropped.
+
+        Raises
+        ------
+        OSError
+            If the scheduler is gone.
+        """
+        if self.client.status != "running" or reason == "scheduler-connection-lost":
+            raise OSError("the connection is lost")
+        return ShardOutcome("", failure="the cluster has dropped it.")
 
     def _settle(self) -> None:
         """Go on along the seams as far as shards are measured; give out again the first that did not know a bond."""

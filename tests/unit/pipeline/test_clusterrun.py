@@ -7,7 +7,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import kill_runs
@@ -18,6 +20,7 @@ from mdtopo.cli import main
 from mdtopo.cli.exits import Exit
 from mdtopo.errors import ClusterError, InputError, MissingDependencyError, OutputError
 from mdtopo.pipeline import StopRequest, cluster, monitor_on_cluster, shardtask
+from mdtopo.pipeline.clusterrun import _ClusterJob
 from mdtopo.pipeline.shardtask import ShardTask
 from mdtopo.records import MonitorConfig
 
@@ -217,6 +220,29 @@ def test_a_scheduler_that_goes_is_one_sentence(
     assert f"The Dask scheduler at {running.scheduler_address} is gone (" in said
     assert f"of 8 shards are finished in {out}.shards; the same command goes on with the others." in said
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("status", "reason", "is_gone"),
+    [("running", "scheduler-connection-lost", True), ("connecting", "", True), ("running", "scheduler-restart", False)],
+)
+def test_a_task_that_is_dropped_while_it_is_asked_for(status: str, reason: str, is_gone: bool) -> None:
+    """Its status still said that it had ended."""
+    cancelled = CancelledError("mdtopo-0:30")
+    cancelled.reason = reason  # type: ignore[attr-defined]
+
+    class Future:
+        status = "finished"
+
+        def exception(self) -> None:
+            raise cancelled
+
+    job = _ClusterJob(SimpleNamespace(status=status), "tcp://", None, [], StopRequest(), None)  # type: ignore[arg-type]
+    if is_gone:
+        with pytest.raises(OSError, match="the connection is lost"):
+            job._outcome(Future())
+    else:
+        assert job._outcome(Future()).failure == "the cluster has dropped it."
 
 
 def test_who_does_not_answer_is_named(trajectory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
