@@ -21,9 +21,9 @@ from mdtopo.pipeline.tables import (
     ALL_FRAMES,
     Measured,
     check_frames,
-    default_threads,
     measured_blocks,
     open_input,
+    settled_threads,
     with_coordinate_error,
 )
 from mdtopo.pipeline.tally import Progress, Tally
@@ -135,9 +135,7 @@ def monitor(
     Proven: a step that counts as proved has no passage along the linear motion between its two frames; what the strands
     did between the frames in truth is not known to anyone.
     """
-    config, threads = config or MonitorConfig(), default_threads() if threads is None else threads
-    if threads < 1:
-        raise OptionError(f"threads is {threads}; it must be at least 1.")
+    config, threads = config or MonitorConfig(), settled_threads(threads)
     stop = stop or StopRequest(max_hours)
     with ExitStack() as stack:
         opened = stack.enter_context(

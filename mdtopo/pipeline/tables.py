@@ -11,7 +11,7 @@ from typing import Any
 
 from mdtopo.bonds import BondState, reference_lengths
 from mdtopo.curverows import refuse_long_strands
-from mdtopo.errors import InputError, TrajectoryError
+from mdtopo.errors import InputError, OptionError, TrajectoryError
 from mdtopo.kernelcache import announce_compilation
 from mdtopo.measure import measure_plan
 from mdtopo.pipeline.ahead import read_ahead
@@ -163,12 +163,15 @@ def measured_blocks(
 
     Raises
     ------
+    OptionError
+        If `threads` is below 1.
     StrandError
         If a ring closes through the periodic boundary in the first frame, or a strand is too long for its curve.
     TrajectoryError
         When a frame cannot be read; the steps before it have been yielded by then.
     """
     check_frames(reader, frames)
+    threads = settled_threads(threads)
     resume_at = None if restart is None else restart.frame
     first, stream = lead_in(reader, frames, config.reference_frames, resume_at)
     if not first:
@@ -187,7 +190,7 @@ def measured_blocks(
     periodic, first_step = first[0].cell is not None, 0 if restart is None else restart.step
     blocks = frame_blocks(stream, config.block_steps, periodic=periodic, first_step=first_step)
     with closing(read_ahead(blocks) if ahead else blocks) as ready:
-        yield from _measured(_planned(ready, setting), setting, threads or default_threads())
+        yield from _measured(_planned(ready, setting), setting, threads)
 
 
 def check_frames(reader: Reader, frames: slice) -> None:
@@ -258,6 +261,19 @@ def _measured(plans: Iterator[BlockPlan], setting: Setting, threads: int) -> Ite
 def _next_measured(waiting: deque[tuple[BlockPlan, Future[StepTable]]]) -> Measured:
     plan, future = waiting.popleft()
     return Measured(future.result(), plan.bonds)
+
+
+def settled_threads(threads: int | None) -> int:
+    """Return how many threads measure, by default `default_threads`.
+
+    Raises
+    ------
+    OptionError
+        If fewer than one are asked for.
+    """
+    if threads is not None and threads < 1:
+        raise OptionError(f"threads is {threads}; it must be at least 1.")
+    return default_threads() if threads is None else threads
 
 
 def default_threads() -> int:

@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
-from numpy.typing import NDArray
 from oracles import Event, Passages, pair_passages
 from oracles.passages import Contact
 from oracles.separation import apart
+from soundness.alone import NO_IMAGES, Flags, climbed
 from soundness.families import Generator, Points, powers, unit
 from soundness.judge import complaint, measured
 
@@ -29,11 +28,6 @@ from mdtopo.reach import RATIO_REACH, pairs_in_reach, search_pads
 from mdtopo.records import Rung, Traces
 from mdtopo.rungs import climb_pairs, meet_end_terms
 from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, greatest_coordinate, mean_edge_length, spheres_of
-
-Whole = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-NO_IMAGES = np.empty((0, 3), dtype=np.int64)
-
 
 Cells = tuple[Points, Points]
 
@@ -155,46 +149,6 @@ STEPS: dict[str, Callable[[Generator], Step]] = {
 }
 
 
-@njit
-def climbed(
-    pairs: Whole,
-    motion: StepMotion,
-    edges: Whole,
-    following: Whole,
-    trace: Whole,
-    slack: float,
-    placing: float,
-    first_reach: float,
-) -> tuple[Points, Flags, Whole]:
-    """Return ν0, ν1, ratio and clearance by each pair alone, so that none is passed over for what another one said.
-
-    And which pairs stay open, and how many each rung settles.
-    """
-    table, is_open, rungs = np.empty((len(pairs), 4)), np.zeros(len(pairs), np.bool_), np.zeros(9, np.int64)
-    none, bench = np.empty((0, 3), np.int64), fresh_workbench()
-    for k in range(len(pairs)):
-        best = fresh_extremes()
-        climb_pairs(
-            pairs[k : k + 1],
-            none,
-            False,
-            motion,
-            edges,
-            following,
-            trace,
-            slack,
-            placing,
-            first_reach,
-            bench,
-            best,
-            is_open[k : k + 1],
-        )
-        table[k, 0], table[k, 1], table[k, 2] = best.values[0], best.values[1], best.values[4]
-        table[k, 3] = min(best.least[1], best.least[2])
-        rungs += best.rung_pairs
-    return table, is_open, rungs
-
-
 class Brute:
     """One step by every pair of edges that are not neighbours, without any search."""
 
@@ -214,7 +168,9 @@ class Brute:
         far = (t.trace[i] != t.trace[j]) | (j - i > 2)
         self.pairs = np.stack([i[far], j[far]], axis=1)
         numbers = self.slack, self.placing, self.first_reach
-        self.table, is_open, self.rungs = climbed(self.pairs, self.motion, t.edges, t.following, t.trace, *numbers)
+        self.table, is_open, self.rungs = climbed(
+            self.pairs, NO_IMAGES, self.motion, t.edges, t.following, t.trace, *numbers
+        )
         self.inter = t.trace[self.pairs[:, 0]] != t.trace[self.pairs[:, 1]]
         alone = {int(k): self._decided(k, is_open) for k in np.flatnonzero(is_open)}
         passing = {bool(self.inter[k]) for k, (_, passes) in alone.items() if passes}

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba import njit
-from numpy.typing import NDArray
+from soundness.alone import NO_IMAGES, Whole, climbed
 from soundness.families import Generator, Points
 
 from mdtopo.curves import StepMotion
@@ -20,8 +19,6 @@ from mdtopo.rungs import climb_pairs, meet_end_terms
 from mdtopo.sampling import closer_reach
 from mdtopo.spheres import LEAST_SLACK, PLACING_ERROR, greatest_coordinate, mean_edge_length, spheres_of
 
-Whole = NDArray[np.int64]
-NO_IMAGES = np.empty((0, 3), dtype=np.int64)
 SKEWED = np.array([[1, 0, 0], [0.1, 0.97, 0], [-0.15, 0.2, 0.95]])
 WIDE = 7
 
@@ -70,36 +67,6 @@ STEPS: dict[str, Callable[[Generator], Step]] = {
 CROWDS = "crowd", "skewed crowd", "crowd at rest"
 
 
-@njit
-def climbed(
-    pairs: Whole,
-    images: Whole,
-    motion: StepMotion,
-    edges: Whole,
-    following: Whole,
-    trace: Whole,
-    slack: float,
-    placing: float,
-    first_reach: float,
-) -> tuple[Points, Whole]:
-    """Return ν0, ν1, ratio, clearance by each pair alone, and 1 where it stays open; and how many each rung settles."""
-    table, is_open, rungs = np.empty((len(pairs), 5)), np.zeros(1, np.bool_), np.zeros(9, np.int64)
-    bench = fresh_workbench()
-    for k in range(len(pairs)):
-        best, is_open[0] = fresh_extremes(), False
-        some, of_some = pairs[k : k + 1], images[k : k + 1]
-        lists = edges, following, trace
-        numbers = slack, placing, first_reach
-        climb_pairs(
-            some, of_some, False, motion, lists[0], lists[1], lists[2], numbers[0], numbers[1], numbers[2], bench,
-            best, is_open,
-        )  # fmt: skip
-        table[k, 0], table[k, 1], table[k, 2] = best.values[0], best.values[1], best.values[4]
-        table[k, 3], table[k, 4] = min(best.least[1], best.least[2]), is_open[0]
-        rungs += best.rung_pairs
-    return table, rungs
-
-
 class Brute:
     """One step in a cell, by every pair of edges in every image that is not far away, without any search."""
 
@@ -121,7 +88,7 @@ class Brute:
         self.first_reach = min(FIRST_REACH * self.local.values[NU0], self.edge_length)
         self.pairs, self.images, self.gap = self._within(2.0 * self.edge_length)
         numbers = self.slack, self.placing, self.first_reach
-        self.table, self.rungs = climbed(self.pairs, self.images, self.motion, *ends, *numbers)
+        self.table, self.is_open, self.rungs = climbed(self.pairs, self.images, self.motion, *ends, *numbers)
 
     def _within(self, reach: float) -> tuple[Whole, Whole, Points]:
         """Return all pairs in all images whose boxes are less far apart than this, without neighbours at home."""
@@ -169,7 +136,7 @@ def test_the_numbers_of_a_step_are_those_of_every_pair_and_image(brute: Brute, l
     assert m.nu == min(local.values[NU0], table[:, 0].min())
     assert m.nu_end == min(local.values[NU1], table[:, 1].min())
     assert m.ratio == max(local.values[RATIO], table[:, 2].max(), 0.0)
-    is_open = table[:, 4] > 0.0
+    is_open = brute.is_open
     assert (m.rung_pairs[:5] == (local.rung_pairs + brute.rungs)[:5]).all()
     assert m.rung_pairs[5:].sum() == is_open.sum() + brute.local_open.sum()
     inter = brute.t.trace[brute.pairs[:, 0]] != brute.t.trace[brute.pairs[:, 1]]
